@@ -1,0 +1,34 @@
+//! The one error type: broken input. A path that cannot be found is a [`crate::path::Rejection`], never an error.
+
+use thiserror::Error;
+
+/// Broken input, with the value at fault and what would be right.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A setting that does not parse or lies outside its range.
+    #[error("configuration: {0}")]
+    Config(String),
+    /// A checkpoint that is corrupt, foreign or newer than this program.
+    #[error("checkpoint: {0}")]
+    Checkpoint(String),
+    /// A tensor, path or image of another shape than asked for.
+    #[error("{what}: expected shape {expected}, found {found}")]
+    Shape {
+        /// What was being read.
+        what: &'static str,
+        /// The shape asked for.
+        expected: String,
+        /// The shape found.
+        found: String,
+    },
+    /// An unknown robot, or one whose description contradicts itself.
+    #[error("robot: {0}")]
+    Robot(String),
+    /// An unknown task, a scene that cannot be built or placed.
+    #[error("environment: {0}")]
+    Environment(String),
+}
+
+/// Result with this crate's [`Error`].
+pub type Result<T, E = Error> = core::result::Result<T, E>;

@@ -1,0 +1,129 @@
+//! Paths of the arm: what generates, checks, times and collects them.
+
+use crate::error::{Error, Result};
+use crate::robot::JointConfig;
+
+/// A path of the arm: at least two configurations, joined linearly in joint space.
+///
+/// `ξ = [c_1, …, c_T]` in the paper (section IV).
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointPath(Vec<JointConfig>);
+
+impl JointPath {
+    /// A path through `configs`.
+    ///
+    /// # Errors
+    ///
+    /// With fewer than two configurations, or with one that is not finite.
+    pub fn new(configs: Vec<JointConfig>) -> Result<Self> {
+        if configs.len() < 2 {
+            return Err(Error::Shape {
+                what: "path",
+                expected: "at least 2 configurations".to_owned(),
+                found: format!("{}", configs.len()),
+            });
+        }
+        if let Some(idx) = configs.iter().position(|config| !config.is_finite()) {
+            return Err(Error::Shape {
+                what: "path",
+                expected: "finite joint angles".to_owned(),
+                found: format!("{:?} at index {idx}", configs[idx].0),
+            });
+        }
+        Ok(Self(configs))
+    }
+
+    /// The configurations.
+    #[must_use]
+    pub fn configs(&self) -> &[JointConfig] {
+        &self.0
+    }
+
+    /// First configuration.
+    #[must_use]
+    pub fn start(&self) -> &JointConfig {
+        &self.0[0]
+    }
+
+    /// Last configuration.
+    #[must_use]
+    pub fn goal(&self) -> &JointConfig {
+        &self.0[self.0.len() - 1]
+    }
+
+    /// Length in configuration space: the sum of Euclidean distances, radians.
+    #[must_use]
+    pub fn length(&self) -> f32 {
+        self.0.windows(2).map(|pair| pair[0].distance(&pair[1])).sum()
+    }
+
+    /// The path at `n_configs` points equally spaced in joint-space arc length; both ends are exact.
+    ///
+    /// # Panics
+    ///
+    /// When `n_configs` is below 2.
+    #[must_use]
+    pub fn resample(&self, n_configs: usize) -> Self {
+        assert!(n_configs >= 2, "a path has at least 2 configurations, asked for {n_configs}");
+        let total = self.length();
+        let mut resampled = Vec::with_capacity(n_configs);
+        resampled.push(*self.start());
+        let mut segment = 0;
+        let mut before = 0.0;
+        for i in 1..n_configs - 1 {
+            let target = total * i as f32 / (n_configs - 1) as f32;
+            let mut length = self.0[segment].distance(&self.0[segment + 1]);
+            while before + length < target && segment + 2 < self.0.len() {
+                before += length;
+                segment += 1;
+                length = self.0[segment].distance(&self.0[segment + 1]);
+            }
+            let fraction = if length > 0.0 { ((target - before) / length).clamp(0.0, 1.0) } else { 0.0 };
+            resampled.push(self.0[segment].lerp(&self.0[segment + 1], fraction));
+        }
+        resampled.push(*self.goal());
+        Self(resampled)
+    }
+}
+
+/// Which generator made a path.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Source {
+    /// `RRTConnect` to a sampled goal configuration (`m` in the paper).
+    Planner,
+    /// A quadratic Bézier curve through inverse kinematics (`b` in the paper).
+    Bezier,
+    /// The learned path policy (`π` in the paper).
+    Policy,
+    /// A straight line of the grip (the baseline's first try).
+    Linear,
+}
+
+/// Why a generator produced no path: a value that users see, never an error.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Rejection {
+    /// The goal pose has no solution within the joint limits.
+    Unreachable,
+    /// The curve left what the arm can reach at `fraction` of its way.
+    CurveUnreachable {
+        /// Fraction of the curve that was followed, 0 to 1.
+        fraction: f32,
+    },
+    /// The arm would have to change its posture in a jump at `fraction` of the curve.
+    BranchJump {
+        /// Fraction of the curve that was followed, 0 to 1.
+        fraction: f32,
+    },
+    /// The start touches the scene, so no collision-free path leaves it.
+    StartCollides,
+    /// Every goal configuration touches the scene.
+    GoalCollides,
+    /// The planner used up its iterations.
+    IterationLimit,
+    /// Fewer distinct goal configurations exist than were asked for.
+    TooFewGoals,
+    /// The policy's path is longer than the mean of the others (section IV-B).
+    LongerThanMean,
+    /// The policy's path leaves the joint limits.
+    OutsideLimits,
+}

@@ -1,0 +1,1 @@
+//! What the agent sees: cameras, observations, voxel grids.

@@ -1,0 +1,95 @@
+//! Forward kinematics and the Jacobian: pure functions of a configuration.
+//!
+//! Trigonometry goes through `libm` and nothing is fused, so that native code and wasm agree bit for bit.
+
+use super::{DOF, Error, HAND, JointConfig, N_LINKS, ROBOTS, Result, Robot};
+use glamx::{DPose3, DQuat, DVec3, Pose3};
+
+impl Robot {
+    /// The built-in robot of that name.
+    ///
+    /// # Errors
+    ///
+    /// When there is none, naming those that exist.
+    pub fn by_name(name: &str) -> Result<&'static Self> {
+        ROBOTS.into_iter().find(|robot| robot.name == name).ok_or_else(|| {
+            let known: Vec<_> = ROBOTS.iter().map(|robot| robot.name).collect();
+            Error::Robot(format!("unknown robot '{name}', known: {}", known.join(", ")))
+        })
+    }
+
+    /// Whether every joint is within its limits.
+    #[must_use]
+    pub fn within_limits(&self, config: &JointConfig) -> bool {
+        self.joints.iter().zip(config.iter()).all(|(joint, &q)| joint.lower <= q && q <= joint.upper)
+    }
+
+    /// `world_from_joint` of the seven joint frames in f64.
+    #[must_use]
+    pub fn joint_frames(&self, config: &JointConfig) -> [DPose3; DOF] {
+        let mut world_from_joint = DPose3::IDENTITY;
+        core::array::from_fn(|j| {
+            world_from_joint = world_from_joint * self.joints[j].transform(f64::from(config[j]));
+            world_from_joint
+        })
+    }
+
+    /// `world_from_frame` of base, links 1–7 and hand (the flange).
+    #[must_use]
+    pub fn link_frames(&self, config: &JointConfig) -> [Pose3; N_LINKS] {
+        let joint_frames = self.joint_frames(config);
+        core::array::from_fn(|frame| match frame {
+            0 => Pose3::IDENTITY,
+            HAND => Pose3::from(joint_frames[DOF - 1] * self.link7_from_flange),
+            link => Pose3::from(joint_frames[link - 1]),
+        })
+    }
+
+    /// `world_from_flange` in f64.
+    #[must_use]
+    pub fn flange(&self, config: &JointConfig) -> DPose3 {
+        self.joint_frames(config)[DOF - 1] * self.link7_from_flange
+    }
+
+    /// `world_from_grip` in f64.
+    #[must_use]
+    pub fn grip_f64(&self, config: &JointConfig) -> DPose3 {
+        self.flange(config) * self.flange_from_grip
+    }
+
+    /// `world_from_grip`: the frame between the finger pads, z approach, y opening.
+    #[must_use]
+    pub fn grip(&self, config: &JointConfig) -> Pose3 {
+        Pose3::from(self.grip_f64(config))
+    }
+
+    /// Jacobian of the grip in the world frame: rows are linear velocity (m/rad) then angular velocity (rad/rad).
+    #[must_use]
+    pub fn jacobian(&self, config: &JointConfig) -> [[f64; DOF]; 6] {
+        let frames = self.joint_frames(config);
+        let grip = (frames[DOF - 1] * self.link7_from_flange * self.flange_from_grip).translation;
+        let mut jacobian = [[0.0; DOF]; 6];
+        for (j, frame) in frames.iter().enumerate() {
+            let axis = frame.rotation * DVec3::Z;
+            let linear = axis.cross(grip - frame.translation);
+            for (row, value) in linear.to_array().into_iter().chain(axis.to_array()).enumerate() {
+                jacobian[row][j] = value;
+            }
+        }
+        jacobian
+    }
+}
+
+impl super::Joint {
+    /// `parent_from_joint` at angle `q`: `Rx(alpha) Tx(a) Rz(q) Tz(d)`.
+    #[must_use]
+    pub fn transform(&self, q: f64) -> DPose3 {
+        let (sin_x, cos_x) = libm::sincos(0.5 * self.alpha);
+        let (sin_z, cos_z) = libm::sincos(0.5 * q);
+        let (sin_alpha, cos_alpha) = libm::sincos(self.alpha);
+        DPose3::from_parts(
+            DVec3::new(self.a, -sin_alpha * self.d, cos_alpha * self.d),
+            DQuat::from_xyzw(sin_x * cos_z, -sin_x * sin_z, cos_x * sin_z, cos_x * cos_z),
+        )
+    }
+}

@@ -1,0 +1,158 @@
+//! Robot arms as constants: joints, limits, gripper, collision spheres and drawable parts.
+//!
+//! The base is the world frame, z up, table top at z = 0. Joints are modified-DH rows as in `T = Rx(alpha) Tx(a) Rz(q) Tz(d)`.
+
+mod ik;
+mod kinematics;
+mod panda;
+mod xarm7;
+
+use crate::error::{Error, Result};
+
+use core::ops::{Deref, DerefMut};
+use glamx::{DPose3, Vec2, Vec3};
+use serde::{Deserialize, Serialize};
+
+pub use panda::PANDA;
+pub use xarm7::XARM7;
+
+/// Number of joints of both arms.
+pub const DOF: usize = 7;
+
+/// One configuration of the arm, in radians.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct JointConfig(pub [f32; DOF]);
+
+impl Deref for JointConfig {
+    type Target = [f32; DOF];
+    fn deref(&self) -> &Self::Target {
+        &self.0
+    }
+}
+
+impl DerefMut for JointConfig {
+    fn deref_mut(&mut self) -> &mut Self::Target {
+        &mut self.0
+    }
+}
+
+impl JointConfig {
+    /// Euclidean distance in joint space, radians.
+    #[must_use]
+    pub fn distance(&self, other: &Self) -> f32 {
+        let squares: f32 = self.iter().zip(other.iter()).map(|(a, b)| (a - b) * (a - b)).sum();
+        libm::sqrtf(squares)
+    }
+
+    /// Largest difference of one joint, radians.
+    #[must_use]
+    pub fn max_joint_distance(&self, other: &Self) -> f32 {
+        self.iter().zip(other.iter()).fold(0.0, |most, (a, b)| (a - b).abs().max(most))
+    }
+
+    /// The point at `fraction` of the straight joint-space line from `self` to `other`.
+    #[must_use]
+    pub fn lerp(&self, other: &Self, fraction: f32) -> Self {
+        Self(core::array::from_fn(|j| self[j] + (other[j] - self[j]) * fraction))
+    }
+
+    /// Whether every joint is a finite number.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        self.iter().all(|q| q.is_finite())
+    }
+}
+
+/// One revolute joint: its modified-DH row and limits.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Joint {
+    /// Twist before the joint, radians (a multiple of π/2 for both arms).
+    pub alpha: f64,
+    /// Offset along the previous x, metres.
+    pub a: f64,
+    /// Offset along the joint's z, metres.
+    pub d: f64,
+    /// Lower limit, radians.
+    pub lower: f32,
+    /// Upper limit, radians.
+    pub upper: f32,
+    /// Velocity limit, rad/s.
+    pub max_velocity: f32,
+    /// Acceleration limit, rad/s².
+    pub max_acceleration: f32,
+}
+
+/// A two-finger gripper whose pads move symmetrically along the grip frame's y.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GripperSpec {
+    /// Distance between the pads when fully open, metres.
+    pub max_width: f32,
+    /// Half extents of one pad block in the grip frame (x along the pad's width, y its thickness, z along the finger).
+    pub pad_half_extents: Vec3,
+    /// Centre of the pads along the grip frame's z, metres (0: pads centred on `grip`).
+    pub pad_offset_z: f32,
+}
+
+/// A command to the gripper: the last part of a macro action.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Gripper {
+    /// Open fully.
+    Open,
+    /// Close until the pads meet resistance.
+    Close,
+}
+
+/// A sphere fixed to a frame of the robot.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sphere {
+    /// Centre in the frame it belongs to, metres.
+    pub center: Vec3,
+    /// Radius, metres.
+    pub radius: f32,
+}
+
+/// Frames that carry geometry: link 0 (base) … link 7, then the hand; the fingers are derived from [`GripperSpec`].
+pub const N_LINKS: usize = DOF + 2;
+
+/// Index of the hand among the [`N_LINKS`] frames; its geometry is given in the flange frame.
+pub const HAND: usize = DOF + 1;
+
+/// A serial arm with seven revolute joints, a spherical shoulder and a gripper.
+#[derive(Debug, PartialEq)]
+pub struct Robot {
+    /// Name on the command line.
+    pub name: &'static str,
+    /// Joints from the base.
+    pub joints: [Joint; DOF],
+    /// Flange in the frame of link 7.
+    pub link7_from_flange: DPose3,
+    /// `grip` (between the pads, z approach, y opening) in the flange frame.
+    pub flange_from_grip: DPose3,
+    /// The gripper.
+    pub gripper: GripperSpec,
+    /// Configuration in which episodes start.
+    pub start: JointConfig,
+    /// Centre of the workspace on the table, metres.
+    pub workspace_center: Vec2,
+    /// Collision spheres per frame: base, links 1–7, hand with open fingers.
+    pub spheres: [&'static [Sphere]; N_LINKS],
+    /// Capsules per frame that cover the spheres: the physical and drawn geometry.
+    pub capsules: [&'static [Capsule]; N_LINKS],
+    /// Pairs of frames that are never tested against each other.
+    pub allowed_self_collisions: &'static [(usize, usize)],
+}
+
+/// A capsule of a link between two points of its frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Capsule {
+    /// One end of the axis, metres.
+    pub a: Vec3,
+    /// The other end, metres.
+    pub b: Vec3,
+    /// Radius, metres.
+    pub radius: f32,
+}
+
+/// The built-in robots; the first is the default.
+pub const ROBOTS: [&Robot; 2] = [&XARM7, &PANDA];
