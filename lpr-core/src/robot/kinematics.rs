@@ -27,9 +27,14 @@ impl Robot {
     /// `world_from_joint` of the seven joint frames in f64.
     #[must_use]
     pub fn joint_frames(&self, config: &JointConfig) -> [DPose3; DOF] {
+        self.frames_at(&config.0.map(f64::from))
+    }
+
+    /// `world_from_joint` at f64 angles.
+    pub(super) fn frames_at(&self, angles: &[f64; DOF]) -> [DPose3; DOF] {
         let mut world_from_joint = DPose3::IDENTITY;
         core::array::from_fn(|j| {
-            world_from_joint = world_from_joint * self.joints[j].transform(f64::from(config[j]));
+            world_from_joint = world_from_joint * self.joints[j].transform(angles[j]);
             world_from_joint
         })
     }
@@ -66,7 +71,11 @@ impl Robot {
     /// Jacobian of the grip in the world frame: rows are linear velocity (m/rad) then angular velocity (rad/rad).
     #[must_use]
     pub fn jacobian(&self, config: &JointConfig) -> [[f64; DOF]; 6] {
-        let frames = self.joint_frames(config);
+        self.jacobian_of(&self.joint_frames(config))
+    }
+
+    /// The Jacobian, from the frames of the joints.
+    pub(super) fn jacobian_of(&self, frames: &[DPose3; DOF]) -> [[f64; DOF]; 6] {
         let grip = (frames[DOF - 1] * self.link7_from_flange * self.flange_from_grip).translation;
         let mut jacobian = [[0.0; DOF]; 6];
         for (j, frame) in frames.iter().enumerate() {
