@@ -75,8 +75,7 @@ impl PoseEntry {
     fn checked(self, path: &Path, idx: usize) -> Result<PoseQuery> {
         let rotation = DQuat::from_array(self.rotation_xyzw);
         let norm = rotation.length();
-        // Also refuses a norm that is not a number.
-        if !((norm - 1.0).abs() <= NORM_TOLERANCE) {
+        if (norm - 1.0).abs() > NORM_TOLERANCE {
             let reason = format!("poses[{idx}].rotation_xyzw: has norm {norm}, expected a unit quaternion");
             return Err(FileError::content(path, reason));
         }

@@ -1,5 +1,7 @@
 //! The rules of `ARCHITECTURE.md` that a program can check.
 
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
 use lpr_tests::{output_of, project_files, workspace};
 use std::path::{Path, PathBuf};
 
@@ -22,15 +24,15 @@ fn code_below(folder: &str) -> Vec<Line> {
     let is_ours = |file: &PathBuf| {
         file.starts_with(folder) && file.extension().is_some_and(|it| it == "rs") && !file.ends_with("suite/architecture.rs")
     };
-    let lines: Vec<_> = project_files().into_iter().filter(is_ours).flat_map(code_of).collect();
+    let lines: Vec<_> = project_files().into_iter().filter(is_ours).flat_map(|file| code_of(&file)).collect();
     assert!(!lines.is_empty(), "no Rust code below {folder}");
     lines
 }
 
-fn code_of(file: PathBuf) -> Vec<Line> {
+fn code_of(file: &Path) -> Vec<Line> {
     let code = |line: &str| line.split("//").next().unwrap_or_default().to_owned();
-    let text = read(&file);
-    text.lines().enumerate().map(|(idx, line)| Line { file: file.clone(), number: idx + 1, code: code(line) }).collect()
+    let text = read(file);
+    text.lines().enumerate().map(|(idx, line)| Line { file: file.to_owned(), number: idx + 1, code: code(line) }).collect()
 }
 
 /// Fails with every line in which one of `words` stands as a whole path or name.

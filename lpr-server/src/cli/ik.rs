@@ -13,14 +13,16 @@ use std::time::Instant;
 /// Solutions are distinct when a joint differs by more, radians modulo 2π.
 const MIN_DISTANCE: f32 = 0.1;
 
+const POSES_HELP: &str =
+    r#"Poses: {"poses": [{"position": [x, y, z], "rotation_xyzw": [x, y, z, w], "seed_config": [q1, …, q7] (optional)}, …]}"#;
+
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
     #[command(flatten)]
     robot: RobotArgument,
-    /// Poses: {"poses": [{"position": [x, y, z], "rotation_xyzw": [x, y, z, w], "seed_config": [q1, …, q7]}, …]}
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", help = POSES_HELP)]
     poses: PathBuf,
-    /// Distinct solutions wanted of each pose; a single one is the nearest to seed_config, else to the robot's start
+    /// Distinct solutions wanted of each pose; a single one is the nearest to its seed configuration, else to the robot's start
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1000))]
     solutions: u16,
     /// Seed of the search for several solutions
