@@ -3,6 +3,8 @@
 //! The base is the world frame, z up, table top at z = 0. Joints are modified-DH rows as in `T = Rx(alpha) Tx(a) Rz(q) Tz(d)`.
 
 mod geometry;
+#[cfg(test)]
+mod golden;
 mod ik;
 mod kinematics;
 mod panda;
