@@ -1,5 +1,6 @@
 //! C2F-ARM with Learned Path Ranking.
 
+pub mod env;
 pub mod error;
 pub mod path;
 pub mod perception;
@@ -7,6 +8,8 @@ pub mod q_attention;
 pub mod rng;
 pub mod robot;
 pub mod scene;
+#[cfg(feature = "sim")]
+pub mod sim;
 
 pub use error::{Error, Result};
 pub use glam;

@@ -13,7 +13,7 @@ const CONVERGED: f64 = 1e-9;
 /// Damping of the pseudo-inverse, in units of the Jacobian; small, so that convergence stays superlinear.
 const DAMPING: f64 = 1e-3;
 /// Distance from a limit at which the null-space pull begins, radians.
-const PULL_ZONE: f64 = 0.6;
+const PULL_ZONE: f64 = 1.2;
 /// Spacing of `q7` when the closed form searches, radians.
 const SEARCH_SPACING: f64 = 0.02;
 
