@@ -6,6 +6,7 @@ mod gripper;
 mod params;
 mod physics;
 mod scene_spec;
+pub mod tasks;
 mod world;
 
 pub use params::SimParams;
