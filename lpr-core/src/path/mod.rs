@@ -1,5 +1,22 @@
 //! Paths of the arm: what generates, checks, times and collects them.
 
+mod baseline;
+mod bezier;
+mod candidates;
+mod follow;
+mod linear;
+mod rrt_connect;
+mod shortcut;
+mod timing;
+
+pub use baseline::{c2farm_path, linear_candidate};
+pub use bezier::{BezierCurve, BezierSettings};
+pub use candidates::{CandidatePath, CandidateSet, CandidateSettings, CandidateStreams, PathQuery, RejectedPath, candidates};
+pub use linear::{LINEAR_STEPS, linear_path};
+pub use rrt_connect::{Plan, RrtSettings, rrt_connect};
+pub use shortcut::shortcut;
+pub use timing::{TimedPath, TimingSettings};
+
 use crate::error::{Error, Result};
 use crate::robot::JointConfig;
 
@@ -83,6 +100,37 @@ impl JointPath {
         }
         resampled.push(*self.goal());
         Self(resampled)
+    }
+
+    /// The same polyline with `n_configs` configurations: every corner stays, and further points divide the longest pieces.
+    ///
+    /// A path with more corners than that is [resampled](Self::resample), which cuts them.
+    ///
+    /// # Panics
+    ///
+    /// When `n_configs` is below 2.
+    #[must_use]
+    pub fn subdivide(&self, n_configs: usize) -> Self {
+        if self.0.len() > n_configs {
+            return self.resample(n_configs);
+        }
+        let lengths: Vec<f32> = self.0.windows(2).map(|pair| pair[0].distance(&pair[1])).collect();
+        let mut pieces = vec![1_usize; lengths.len()];
+        for _ in self.0.len()..n_configs {
+            let mut longest = 0;
+            for (idx, length) in lengths.iter().enumerate() {
+                if length / pieces[idx] as f32 > lengths[longest] / pieces[longest] as f32 {
+                    longest = idx;
+                }
+            }
+            pieces[longest] += 1;
+        }
+        let mut divided = vec![*self.start()];
+        for (pair, n) in self.0.windows(2).zip(pieces) {
+            divided.extend((1..n).map(|i| pair[0].lerp(&pair[1], i as f32 / n as f32)));
+            divided.push(pair[1]);
+        }
+        Self(divided)
     }
 }
 
