@@ -107,3 +107,99 @@ pub(super) fn slerp(from: Quat, to: Quat, t: f32) -> Quat {
     };
     mixed * (1.0 / libm::sqrtf(mixed.dot(mixed)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::{Stream, stream};
+    use crate::robot::ROBOTS;
+    use proptest::prelude::*;
+
+    fn pose() -> impl Strategy<Value = Pose3> {
+        (prop::array::uniform3(-1.0_f32..1.0), prop::array::uniform3(-3.0_f32..3.0))
+            .prop_map(|(at, turn)| Pose3::from_parts(Vec3::from_array(at), Quat::from_scaled_axis(Vec3::from_array(turn))))
+    }
+
+    proptest! {
+        #[test]
+        fn ends_are_exact_and_the_turn_takes_the_short_way(start in pose(), goal in pose(), middle in prop::array::uniform3(-1.0_f32..1.0)) {
+            for goal in [goal, Pose3::from_parts(goal.translation, -goal.rotation)] {
+                let curve = BezierCurve::new(&start, Vec3::from_array(middle), &goal);
+                prop_assert_eq!(curve.pose(0.0).translation, start.translation);
+                prop_assert_eq!(curve.pose(1.0).translation, goal.translation);
+                let turn = start.rotation.angle_between(goal.rotation);
+                for i in 0..=8_u8 {
+                    let t = f32::from(i) / 8.0;
+                    let rotation = curve.pose(t).rotation;
+                    prop_assert!((rotation.length() - 1.0).abs() < 1e-5);
+                    prop_assert!((rotation.angle_between(start.rotation) - t * turn).abs() < 2e-3);
+                    prop_assert!((rotation.angle_between(goal.rotation) - (1.0 - t) * turn).abs() < 2e-3);
+                }
+            }
+        }
+    }
+
+    /// Values of the Bernstein polynomials of degree 2 at quarters, by hand.
+    #[test]
+    fn positions_are_sums_of_bernstein_polynomials() {
+        let expected = [[1.0, 0.0, 0.0], [0.5625, 0.375, 0.0625], [0.25, 0.5, 0.25], [0.0625, 0.375, 0.5625], [0.0, 0.0, 1.0]];
+        let at = |point| Pose3::from_parts(point, Quat::IDENTITY);
+        let curve = BezierCurve::new(&at(Vec3::X), Vec3::Y, &at(Vec3::Z));
+        for (quarter, weights) in (0_u8..).zip(expected) {
+            assert_eq!(curve.pose(0.25 * f32::from(quarter)).translation, Vec3::from_array(weights));
+        }
+    }
+
+    #[test]
+    fn middle_points_are_spread_by_sigma_around_the_middle() {
+        let at = |x| Pose3::from_parts(Vec3::new(x, 0.0, 0.3), Quat::IDENTITY);
+        let settings = BezierSettings { sigma: 0.2 };
+        let mut rng = stream(5, Stream::Bezier, 0);
+        let n = 10_000;
+        let middle = Vec3::new(0.5, 0.0, 0.3);
+        let offsets: Vec<Vec3> =
+            (0..n).map(|_| BezierCurve::sample(&at(0.2), &at(0.8), &settings, &mut rng).points[1] - middle).collect();
+        let n = n as f32;
+        let mean = offsets.iter().fold(Vec3::ZERO, |sum, offset| sum + *offset) / n;
+        let variance = offsets.iter().fold(Vec3::ZERO, |sum, offset| sum + *offset * *offset) / n;
+        for axis in 0..3 {
+            assert!(mean[axis].abs() < 3.0 * 0.2 / n.sqrt());
+            assert!((variance[axis] - 0.04).abs() < 3.0 * 0.04 * (2.0 / n).sqrt());
+        }
+    }
+
+    #[test]
+    fn joints_follow_the_curve_from_the_exact_start_to_the_goal() {
+        for robot in ROBOTS {
+            let start = robot.grip(&robot.start);
+            let goal =
+                Pose3::from_parts(start.translation + Vec3::new(-0.05, 0.2, -0.1), start.rotation * Quat::from_rotation_z(0.6));
+            let mut rng = stream(2, Stream::Bezier, 0);
+            for _ in 0..20 {
+                let curve = BezierCurve::sample(&start, &goal, &BezierSettings { sigma: 0.05 }, &mut rng);
+                let path = curve.to_joints(robot, &robot.start).unwrap();
+                assert_eq!(*path.start(), robot.start);
+                // No step was halved on so easy a curve, so the configurations belong to equal steps of the parameter.
+                assert_eq!(path.configs().len(), curve.n_steps() + 1);
+                for (i, config) in path.configs().iter().enumerate() {
+                    let (found, wanted) = (robot.grip(config), curve.pose(i as f32 / curve.n_steps() as f32));
+                    assert!(found.translation.distance(wanted.translation) < 1e-4);
+                    assert!(found.rotation.angle_between(wanted.rotation) < 2e-3);
+                }
+                assert!(path.configs().iter().skip(1).all(|config| robot.within_limits(config)));
+            }
+        }
+    }
+
+    #[test]
+    fn a_curve_that_leaves_the_reach_says_where() {
+        for robot in ROBOTS {
+            let start = robot.grip(&robot.start);
+            let goal = Pose3::from_parts(start.translation - 0.3 * Vec3::Z, start.rotation);
+            let curve = BezierCurve::new(&start, start.translation + Vec3::new(1.0, 0.0, -0.3), &goal);
+            let rejection = curve.to_joints(robot, &robot.start).unwrap_err();
+            let Rejection::CurveUnreachable { fraction } = rejection else { panic!("{}: {rejection:?}", robot.name) };
+            assert!(fraction > 0.0 && fraction < 0.5, "{}: {fraction}", robot.name);
+        }
+    }
+}

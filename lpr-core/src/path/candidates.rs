@@ -303,3 +303,6 @@ fn map_in_order<T: Send>(n: usize, f: impl Fn(usize) -> T + Sync + Send) -> Vec<
 fn map_in_order<T>(n: usize, f: impl Fn(usize) -> T) -> Vec<T> {
     (0..n).map(f).collect()
 }
+
+#[cfg(test)]
+mod tests;

@@ -20,3 +20,33 @@ pub fn linear_path(robot: &Robot, start: &JointConfig, goal: &Pose3) -> Result<J
     let line = BezierCurve::new(&from, 0.5 * (from.translation + goal.translation), goal);
     follow(robot, start, LINEAR_STEPS, |t| line.pose(t))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::ROBOTS;
+    use glamx::Vec3;
+
+    #[test]
+    fn the_grip_moves_straight_in_equal_steps() {
+        for robot in ROBOTS {
+            let start = robot.grip(&robot.start);
+            let way = Vec3::new(-0.1, 0.15, -0.1);
+            let path = linear_path(robot, &robot.start, &Pose3::from_parts(start.translation + way, start.rotation)).unwrap();
+            assert_eq!(path.configs().len(), LINEAR_STEPS + 1);
+            for (i, config) in path.configs().iter().enumerate() {
+                let expected = start.translation + way * (i as f32 / LINEAR_STEPS as f32);
+                assert!(robot.grip(config).translation.distance(expected) < 1e-4);
+            }
+        }
+    }
+
+    #[test]
+    fn a_goal_out_of_reach_is_rejected() {
+        for robot in ROBOTS {
+            let start = robot.grip(&robot.start);
+            let goal = Pose3::from_parts(start.translation + 2.0 * Vec3::X, start.rotation);
+            assert!(matches!(linear_path(robot, &robot.start, &goal), Err(Rejection::CurveUnreachable { .. })));
+        }
+    }
+}

@@ -175,3 +175,50 @@ pub enum Rejection {
     /// The policy's path leaves the joint limits.
     OutsideLimits,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::DOF;
+    use proptest::prelude::*;
+
+    fn path() -> impl Strategy<Value = JointPath> {
+        prop::collection::vec(prop::array::uniform7(-3.0_f32..3.0).prop_map(JointConfig), 2..9).prop_map(JointPath)
+    }
+
+    proptest! {
+        #[test]
+        fn resampling_keeps_the_ends_and_never_lengthens(path in path(), n in 2..40_usize) {
+            for other in [path.resample(n), path.subdivide(n)] {
+                prop_assert_eq!(other.configs().len(), n);
+                prop_assert_eq!(other.start(), path.start());
+                prop_assert_eq!(other.goal(), path.goal());
+                prop_assert!(other.length() <= path.length() * (1.0 + 1e-5));
+            }
+        }
+
+        #[test]
+        fn subdividing_keeps_every_corner(path in path(), more in 0..30_usize) {
+            let divided = path.subdivide(path.configs().len() + more);
+            prop_assert!(path.configs().iter().all(|corner| divided.configs().contains(corner)));
+            prop_assert!((divided.length() - path.length()).abs() < 1e-4);
+        }
+
+        #[test]
+        fn resampled_points_are_equally_spaced_along_a_straight_path(path in path(), n in 3..40_usize) {
+            let straight = JointPath(vec![*path.start(), *path.goal()]);
+            let (resampled, step) = (straight.resample(n), straight.length() / (n - 1) as f32);
+            for pair in resampled.configs().windows(2) {
+                prop_assert!((pair[0].distance(&pair[1]) - step).abs() < 1e-4);
+            }
+        }
+    }
+
+    #[test]
+    fn a_path_needs_two_finite_configurations() {
+        let rest = JointConfig([0.0; DOF]);
+        assert!(JointPath::new(vec![rest]).is_err());
+        assert!(JointPath::new(vec![rest, JointConfig([f32::NAN; DOF])]).is_err());
+        assert!(JointPath::new(vec![rest, rest]).is_ok());
+    }
+}

@@ -168,3 +168,104 @@ impl Tree {
         configs
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::path::shortcut;
+    use crate::rng::{Stream, stream};
+    use crate::scene::stick_arm::{is_free_by_brute_force, stick_arm};
+    use crate::scene::{ArmSpheres, Primitive, Scene};
+    use glamx::{Pose3, Vec3};
+
+    const SETTINGS: RrtSettings = RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 2000 };
+
+    /// What may be missed between two checks 1/32 rad apart at the arm's reach, metres.
+    const MISSED: f32 = 0.015;
+
+    /// The start turned by `turn` about the base's axis.
+    fn turned(turn: f32) -> JointConfig {
+        JointConfig(core::array::from_fn(|j| if j == 0 { turn } else { stick_arm().start[j] }))
+    }
+
+    /// A wall ahead of the arm with a window that is too low for its posture at the start.
+    fn wall_with_window() -> Scene {
+        let block = |center: Vec3, half_extents: Vec3| Primitive::Cuboid {
+            world_from_box: Pose3::from_translation(center),
+            half_extents,
+        };
+        Scene::from_primitives(vec![
+            block(Vec3::new(0.6, 0.0, 1.05), Vec3::new(0.4, 0.02, 0.45)),
+            block(Vec3::new(0.45, 0.0, 0.05), Vec3::new(0.25, 0.02, 0.05)),
+            block(Vec3::new(0.25, 0.0, 0.3), Vec3::new(0.05, 0.02, 0.3)),
+            block(Vec3::new(0.95, 0.0, 0.3), Vec3::new(0.05, 0.02, 0.3)),
+        ])
+    }
+
+    fn is_free_densely(robot: &Robot, scene: &Scene, path: &JointPath) -> bool {
+        path.configs().windows(2).all(|pair| {
+            let n = f32::ceil(pair[0].distance(&pair[1]) * 128.0).max(1.0) as u16;
+            (0..=n).all(|i| is_free_by_brute_force(robot, scene, &pair[0].lerp(&pair[1], f32::from(i) / f32::from(n)), -MISSED))
+        })
+    }
+
+    #[test]
+    fn paths_through_a_narrow_window_are_free_within_limits_and_no_longer_after_shortcuts() {
+        let robot = stick_arm();
+        let (scene, arm) = (wall_with_window(), ArmSpheres::new(&robot));
+        let (start, goal) = (turned(-0.7), turned(0.7));
+        for seed in 0..5 {
+            let checker = MotionChecker::new(&scene, &arm, SETTINGS.checks_per_radian);
+            let plan = rrt_connect(&robot, &checker, &start, &[goal], &SETTINGS, &mut stream(seed, Stream::Planner, 0)).unwrap();
+            assert!(plan.iterations > 0, "the wall stands in the straight way");
+            let short = shortcut(&plan.path, &checker);
+            for path in [&plan.path, &short] {
+                assert_eq!((*path.start(), *path.goal()), (start, goal));
+                assert!(path.configs().iter().all(|config| robot.within_limits(config)));
+                assert!(is_free_densely(&robot, &scene, path));
+            }
+            assert!(plan.path.configs().windows(2).all(|pair| pair[0].distance(&pair[1]) < SETTINGS.range + 1e-4));
+            assert!(short.length() <= plan.path.length() + 1e-5);
+        }
+    }
+
+    #[test]
+    fn a_seed_gives_one_path_and_another_seed_another() {
+        let robot = stick_arm();
+        let (scene, arm) = (wall_with_window(), ArmSpheres::new(&robot));
+        let checker = MotionChecker::new(&scene, &arm, SETTINGS.checks_per_radian);
+        let plan = |seed| {
+            let rng = &mut stream(seed, Stream::Planner, 0);
+            rrt_connect(&robot, &checker, &turned(-0.7), &[turned(0.7)], &SETTINGS, rng).unwrap()
+        };
+        assert_eq!(plan(1), plan(1));
+        assert_ne!(plan(1), plan(2));
+    }
+
+    #[test]
+    fn a_straight_way_is_taken_without_samples_and_to_the_first_goal_it_reaches() {
+        let robot = stick_arm();
+        let (scene, arm) = (wall_with_window(), ArmSpheres::new(&robot));
+        let checker = MotionChecker::new(&scene, &arm, SETTINGS.checks_per_radian);
+        let rng = &mut stream(0, Stream::Planner, 0);
+        let goals = [turned(0.7), turned(-1.2)];
+        let plan = rrt_connect(&robot, &checker, &turned(-0.7), &goals, &SETTINGS, rng).unwrap();
+        assert_eq!(plan, Plan { path: JointPath(vec![turned(-0.7), turned(-1.2)]), iterations: 0 });
+    }
+
+    #[test]
+    fn failures_have_their_reasons() {
+        let robot = stick_arm();
+        let arm = ArmSpheres::new(&robot);
+        let scene = wall_with_window();
+        let checker = MotionChecker::new(&scene, &arm, SETTINGS.checks_per_radian);
+        let plan = |start, goals: &[JointConfig], max_iterations| {
+            let settings = RrtSettings { max_iterations, ..SETTINGS };
+            rrt_connect(&robot, &checker, &start, goals, &settings, &mut stream(0, Stream::Planner, 0))
+        };
+        assert_eq!(plan(turned(0.0), &[turned(0.7)], 10), Err(Rejection::StartCollides));
+        assert_eq!(plan(turned(-0.7), &[turned(0.0)], 10), Err(Rejection::GoalCollides));
+        assert_eq!(plan(turned(-0.7), &[turned(0.7)], 0), Err(Rejection::IterationLimit));
+        assert_eq!(plan(turned(-0.7), &[], 10), Err(Rejection::Unreachable));
+    }
+}

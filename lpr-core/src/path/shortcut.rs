@@ -48,3 +48,44 @@ fn halve_edges(configs: &[JointConfig]) -> Vec<JointConfig> {
     }
     halved
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::stick_arm::stick_arm;
+    use crate::scene::{ArmSpheres, Primitive, Scene};
+    use glamx::Vec3;
+
+    #[test]
+    fn a_detour_around_nothing_becomes_straight() {
+        let (scene, arm) = (Scene::empty(), ArmSpheres::new(&stick_arm()));
+        let checker = MotionChecker::new(&scene, &arm, 32.0);
+        let start = stick_arm().start;
+        let at = |turn: f32, lift: f32| {
+            let mut config = start;
+            config[0] += turn;
+            config[1] -= lift;
+            config
+        };
+        let path = JointPath(vec![at(0.0, 0.0), at(0.2, 0.6), at(0.8, 0.6), at(0.5, 0.1), at(1.0, 0.0)]);
+        assert_eq!(shortcut(&path, &checker), JointPath(vec![at(0.0, 0.0), at(1.0, 0.0)]));
+    }
+
+    #[test]
+    fn a_detour_around_a_post_gets_shorter_and_stays_free() {
+        let robot = stick_arm();
+        let arm = ArmSpheres::new(&robot);
+        let grip = robot.grip(&robot.start).translation;
+        let post = Primitive::Capsule { a: Vec3::new(grip.x, 0.0, 0.0), b: Vec3::new(grip.x, 0.0, grip.z), radius: 0.02 };
+        let scene = Scene::from_primitives(vec![post]);
+        let checker = MotionChecker::new(&scene, &arm, 32.0);
+        let at = |turn: f32, lift: f32| {
+            JointConfig(core::array::from_fn(|j| robot.start[j] + [turn, -lift, 0.0, 0.0, 0.0, 0.0, 0.0][j]))
+        };
+        let path = JointPath(vec![at(-0.8, 0.0), at(-0.8, 0.9), at(0.8, 0.9), at(0.8, 0.0)]);
+        assert!(checker.path_is_free(path.configs()) && !checker.motion_is_free(path.start(), path.goal()));
+        let short = shortcut(&path, &checker);
+        assert!(checker.path_is_free(short.configs()));
+        assert!(short.length() < 0.8 * path.length(), "{} of {}", short.length(), path.length());
+    }
+}

@@ -7,6 +7,7 @@
 //! a bound on the accelerations there is the business of the real arm's executor.
 
 use super::JointPath;
+use crate::error::{Error, Result};
 use crate::robot::{DOF, JointConfig, Robot};
 use serde::{Deserialize, Serialize};
 
@@ -33,15 +34,15 @@ impl TimedPath {
     /// `path` at the speed of `settings`, slowed so that every joint keeps the robot's velocity and acceleration limits on the
     /// path's segments.
     ///
-    /// # Panics
+    /// # Errors
     ///
-    /// When a speed or acceleration is not positive.
-    #[must_use]
-    pub fn new(path: JointPath, robot: &Robot, settings: &TimingSettings) -> Self {
-        assert!(
-            settings.max_velocity > 0.0 && settings.max_acceleration > 0.0,
-            "speed and acceleration are positive, got {settings:?}"
-        );
+    /// When a speed or acceleration is not a positive number.
+    pub fn new(path: JointPath, robot: &Robot, settings: &TimingSettings) -> Result<Self> {
+        for (name, value) in [("max_velocity", settings.max_velocity), ("max_acceleration", settings.max_acceleration)] {
+            if !(value.is_finite() && value > 0.0) {
+                return Err(Error::Config(format!("timing.{name}: above 0, got {value}")));
+            }
+        }
         let mut lengths = vec![0.0];
         let (mut velocity, mut acceleration) = (f64::from(settings.max_velocity), f64::from(settings.max_acceleration));
         for pair in path.configs().windows(2) {
@@ -58,7 +59,7 @@ impl TimedPath {
             }
         }
         let profile = Trapezoid::new(lengths[lengths.len() - 1], velocity, acceleration);
-        Self { path, lengths, profile }
+        Ok(Self { path, lengths, profile })
     }
 
     /// Time from start to goal, seconds.
@@ -138,7 +139,7 @@ mod tests {
     const SETTINGS: TimingSettings = TimingSettings { max_velocity: 1.0, max_acceleration: 4.0 };
 
     fn path() -> impl Strategy<Value = JointPath> {
-        prop::collection::vec([-1.5_f32..1.5; DOF].prop_map(JointConfig), 2..8).prop_map(JointPath)
+        prop::collection::vec(prop::array::uniform7(-1.5_f32..1.5).prop_map(JointConfig), 2..8).prop_map(JointPath)
     }
 
     proptest! {
@@ -146,7 +147,7 @@ mod tests {
         fn speeds_and_accelerations_stay_within_their_limits(path in path(), velocity in 0.3_f32..6.0, acceleration in 1.0_f32..30.0) {
             for robot in ROBOTS {
                 let settings = TimingSettings { max_velocity: velocity, max_acceleration: acceleration };
-                let timed = TimedPath::new(path.clone(), robot, &settings);
+                let timed = TimedPath::new(path.clone(), robot, &settings).unwrap();
                 let dt = 1e-3;
                 let length = |t| timed.profile.length_at(t);
                 let n = (timed.duration_secs() / dt) as usize;
@@ -168,7 +169,7 @@ mod tests {
 
         #[test]
         fn ends_are_exact_and_every_configuration_is_on_the_path(path in path(), share in 0.0..1.0_f64) {
-            let timed = TimedPath::new(path.clone(), &PANDA, &SETTINGS);
+            let timed = TimedPath::new(path.clone(), &PANDA, &SETTINGS).unwrap();
             prop_assert_eq!(timed.config_at(0.0), *path.start());
             prop_assert_eq!(timed.config_at(-1.0), *path.start());
             prop_assert_eq!(timed.config_at(timed.duration_secs()), *path.goal());
@@ -187,16 +188,24 @@ mod tests {
         let along = |length: f32| {
             let mut goal = JointConfig([0.0; DOF]);
             goal[0] = length;
-            TimedPath::new(JointPath(vec![JointConfig([0.0; DOF]), goal]), &PANDA, &SETTINGS).duration_secs()
+            TimedPath::new(JointPath(vec![JointConfig([0.0; DOF]), goal]), &PANDA, &SETTINGS).unwrap().duration_secs()
         };
         assert!((along(2.0) - 2.25).abs() < 1e-12, "2 rad at 1 rad/s and twice 0.25 s at half speed");
         assert!((along(0.16) - 0.4).abs() < 1e-7, "2 √(0.16 rad / 4 rad/s²)");
     }
 
     #[test]
+    fn a_speed_of_nothing_is_refused() {
+        let path = JointPath(vec![JointConfig([0.0; DOF]), JointConfig([0.1; DOF])]);
+        for max_velocity in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+            assert!(TimedPath::new(path.clone(), &PANDA, &TimingSettings { max_velocity, ..SETTINGS }).is_err());
+        }
+    }
+
+    #[test]
     fn a_path_that_stays_takes_no_time() {
         let rest = JointConfig([0.3; DOF]);
-        let timed = TimedPath::new(JointPath(vec![rest, rest]), &PANDA, &SETTINGS);
+        let timed = TimedPath::new(JointPath(vec![rest, rest]), &PANDA, &SETTINGS).unwrap();
         assert_eq!(timed.duration_secs(), 0.0);
         assert_eq!(timed.config_at(0.0), rest);
         assert_eq!(timed.config_at(-0.5), rest);

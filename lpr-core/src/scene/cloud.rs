@@ -55,6 +55,12 @@ impl PointCloud {
         &self.points
     }
 
+    /// Radius of the ball around every point, metres.
+    #[must_use]
+    pub const fn point_radius(&self) -> f32 {
+        self.point_radius
+    }
+
     /// Whether a ball at `center` meets the ball of any point. Metres.
     #[must_use]
     pub fn touches(&self, center: Vec3, radius: f32) -> bool {

@@ -2,7 +2,6 @@
 //!
 //! No simulator state enters, so the same function serves a real camera. Depth on the table is an obstacle like any other.
 
-use super::primitive::length;
 use super::{ArmSpheres, PointCloud, Scene, downsample};
 use crate::robot::{HAND, JointConfig, Robot, Sphere};
 use glamx::{Pose3, Vec3};
@@ -61,9 +60,10 @@ pub fn obstacle_scene(query: &ObstacleQuery<'_>, points: &[Vec3]) -> Scene {
     let reach = reach(query.robot);
     let itself = Balls::new(arm.spheres_at(query.measured).map(|(_, sphere)| sphere), SELF_FILTER_INFLATION);
     let world_from_grip = query.robot.grip(query.measured);
-    let arm_points: Vec<Vec3> = downsample(points, VOXEL)
+    let in_reach: Vec<Vec3> =
+        points.iter().copied().filter(|point| (*point - reach.center).length_squared() <= reach.radius * reach.radius).collect();
+    let arm_points: Vec<Vec3> = downsample(&in_reach, VOXEL)
         .into_iter()
-        .filter(|point| length(*point - reach.center) <= reach.radius)
         .filter(|point| !itself.hold(*point))
         .filter(|point| query.holding == Holding::Nothing || !is_held(&world_from_grip, *point))
         .collect();
@@ -121,5 +121,65 @@ impl Balls {
         point.cmpge(self.low).all()
             && point.cmple(self.high).all()
             && self.balls.iter().any(|ball| (point - ball.center).length_squared() <= ball.radius * ball.radius)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::stick_arm::stick_arm;
+
+    /// A table with a box, seen without noise, and the arm itself.
+    fn view(robot: &Robot) -> Vec<Vec3> {
+        let grid = |n: u16, at: f32| f32::from(n) * 0.02 + at;
+        let table = (0..60).flat_map(|x| (0..60).map(move |y| Vec3::new(grid(x, -0.3), grid(y, -0.6), 0.0)));
+        let arm = ArmSpheres::new(robot);
+        let skin = arm.spheres_at(&robot.start).flat_map(|(_, sphere)| {
+            [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y].map(|side| sphere.center + sphere.radius * side)
+        });
+        table.chain(skin.collect::<Vec<_>>()).chain([Vec3::NAN, Vec3::new(9.0, 0.0, 0.5)]).collect()
+    }
+
+    fn query<'a>(robot: &'a Robot, goal: Option<&'a Pose3>, holding: Holding) -> ObstacleQuery<'a> {
+        ObstacleQuery { robot, measured: &robot.start, goal, holding }
+    }
+
+    #[test]
+    fn the_arm_is_free_in_a_cloud_of_itself_and_the_table_stays() {
+        let robot = stick_arm();
+        let scene = obstacle_scene(&query(&robot, None, Holding::Nothing), &view(&robot));
+        assert!(scene.is_free(&ArmSpheres::new(&robot), &robot.start));
+        for point in scene.arm_points.points() {
+            assert!(point.is_finite() && point.z == 0.0, "only the table is left, found {point}");
+        }
+        assert!(scene.arm_points.touches(Vec3::new(0.5, 0.3, 0.05), 0.06));
+        assert!(scene.hand_points.touches(Vec3::new(0.5, 0.3, 0.05), 0.06));
+    }
+
+    #[test]
+    fn the_gripper_may_touch_what_it_reaches_for_and_the_arm_may_not() {
+        let robot = stick_arm();
+        let mut lowered = robot.grip(&robot.start);
+        lowered.translation.z = 0.01;
+        let scene = obstacle_scene(&query(&robot, Some(&lowered), Holding::Nothing), &view(&robot));
+        let finger = lowered * Vec3::new(0.0, 0.05, 0.0);
+        assert!(!scene.hand_points.touches(finger, 0.01));
+        assert!(scene.arm_points.touches(finger, 0.01));
+        assert!(scene.hand_points.touches(finger + Vec3::new(0.1, 0.0, 0.0), 0.02), "the table elsewhere");
+        let goal = robot.ik_nearest(&lowered, &robot.start).unwrap();
+        assert!(scene.is_free(&ArmSpheres::new(&robot), &goal));
+        let strict = obstacle_scene(&query(&robot, None, Holding::Nothing), &view(&robot));
+        assert!(!strict.is_free(&ArmSpheres::new(&robot), &goal));
+    }
+
+    #[test]
+    fn what_the_gripper_holds_is_no_obstacle() {
+        let robot = stick_arm();
+        // Out of the self-filter, in the box.
+        let held = robot.grip(&robot.start) * Vec3::new(0.07, 0.0, 0.0);
+        let below = robot.grip(&robot.start) * Vec3::new(0.07, 0.0, 0.05);
+        let left = |holding| obstacle_scene(&query(&robot, None, holding), &[held, below]).arm_points.points().to_vec();
+        assert_eq!(left(Holding::Object), [below]);
+        assert_eq!(left(Holding::Nothing).len(), 2);
     }
 }
