@@ -22,17 +22,18 @@ pub use primitive::Primitive;
 pub use shape::{Part, Shape};
 
 use crate::robot::{HAND, JointConfig, N_LINKS};
+use arm_spheres::{Frame, LinkSpheres};
 use glamx::Vec3;
+use primitive::Solid;
 
 /// Obstacles in the world frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
-    /// Solid obstacles.
-    pub primitives: Vec<Primitive>,
+    solids: Vec<Solid>,
     /// Points that links 1–7 must not meet.
-    pub arm_points: PointCloud,
+    arm_points: PointCloud,
     /// Points that the hand and its fingers must not meet.
-    pub hand_points: PointCloud,
+    hand_points: PointCloud,
 }
 
 impl Scene {
@@ -45,14 +46,32 @@ impl Scene {
     /// A scene of solid obstacles.
     #[must_use]
     pub fn from_primitives(primitives: Vec<Primitive>) -> Self {
-        Self { primitives, arm_points: PointCloud::new(&[], 0.0), hand_points: PointCloud::new(&[], 0.0) }
+        let no_points = PointCloud::new(&[], 0.0);
+        Self { solids: primitives.into_iter().map(Solid::from).collect(), arm_points: no_points.clone(), hand_points: no_points }
     }
 
     /// A scene of balls of `point_radius` (metres) around `points`.
     #[must_use]
     pub fn from_points(points: &[Vec3], point_radius: f32) -> Self {
         let cloud = PointCloud::new(points, point_radius);
-        Self { primitives: Vec::new(), arm_points: cloud.clone(), hand_points: cloud }
+        Self { arm_points: cloud.clone(), hand_points: cloud, ..Self::empty() }
+    }
+
+    /// Points that links 1–7 must not meet.
+    #[must_use]
+    pub const fn arm_points(&self) -> &PointCloud {
+        &self.arm_points
+    }
+
+    /// Points that the hand and its fingers must not meet.
+    #[must_use]
+    pub const fn hand_points(&self) -> &PointCloud {
+        &self.hand_points
+    }
+
+    /// Adds solid obstacles to the scene.
+    pub fn add_primitives(&mut self, primitives: impl IntoIterator<Item = Primitive>) {
+        self.solids.extend(primitives.into_iter().map(Solid::from));
     }
 
     /// Whether the arm at `config` meets neither the scene nor itself.
@@ -60,27 +79,19 @@ impl Scene {
     pub fn is_free(&self, arm: &ArmSpheres, config: &JointConfig) -> bool {
         let frames = arm.frames(config);
         // From the hand inwards: what sticks out furthest hits first.
-        let meets_scene = (1..N_LINKS).rev().any(|link| {
-            let (frame, spheres) = (&frames[link], arm.link(link));
-            let bound = &spheres.bound;
-            !self.is_surely_clear(link, frame.point(bound.center), bound.radius)
-                && spheres.spheres.iter().any(|sphere| self.touches(link, frame.point(sphere.center), sphere.radius))
-        });
+        let meets_scene = (1..N_LINKS).rev().any(|link| self.meets_link(link, &frames[link], arm.link(link)));
         !meets_scene && !arm.self_collides(&frames)
     }
 
-    const fn points_for(&self, link: usize) -> &PointCloud {
-        if link == HAND { &self.hand_points } else { &self.arm_points }
-    }
-
-    fn is_surely_clear(&self, link: usize, center: Vec3, radius: f32) -> bool {
-        self.points_for(link).is_surely_clear(center, radius)
-            && self.primitives.iter().all(|primitive| primitive.distance(center) > radius)
-    }
-
-    fn touches(&self, link: usize, center: Vec3, radius: f32) -> bool {
-        self.points_for(link).touches(center, radius)
-            || self.primitives.iter().any(|primitive| primitive.distance(center) <= radius)
+    fn meets_link(&self, link: usize, frame: &Frame, LinkSpheres { bound, spheres }: &LinkSpheres) -> bool {
+        let points = if link == HAND { &self.hand_points } else { &self.arm_points };
+        let center = frame.point(bound.center);
+        !points.is_surely_clear(center, bound.radius)
+            && spheres.iter().any(|sphere| points.touches(frame.point(sphere.center), sphere.radius))
+            || self.solids.iter().any(|solid| {
+                solid.touches(center, bound.radius)
+                    && spheres.iter().any(|sphere| solid.touches(frame.point(sphere.center), sphere.radius))
+            })
     }
 }
 

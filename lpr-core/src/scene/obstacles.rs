@@ -70,9 +70,9 @@ pub fn obstacle_scene(query: &ObstacleQuery<'_>, points: &[Vec3]) -> Scene {
     let contact = gripper_in_contact(query, &arm);
     let hand_points: Vec<Vec3> = arm_points.iter().copied().filter(|point| !contact.hold(*point)).collect();
     Scene {
-        primitives: Vec::new(),
         arm_points: PointCloud::new(&arm_points, POINT_RADIUS),
         hand_points: PointCloud::new(&hand_points, POINT_RADIUS),
+        ..Scene::empty()
     }
 }
 
