@@ -9,6 +9,7 @@ mod motion;
 mod obstacles;
 mod primitive;
 mod shape;
+mod solids;
 #[cfg(test)]
 pub(crate) mod stick_arm;
 
@@ -24,12 +25,12 @@ pub use shape::{Part, Shape};
 use crate::robot::{HAND, JointConfig, N_LINKS};
 use arm_spheres::{Frame, LinkSpheres};
 use glamx::Vec3;
-use primitive::Solid;
+use solids::Solids;
 
 /// Obstacles in the world frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
-    solids: Vec<Solid>,
+    solids: Solids,
     /// Points that links 1–7 must not meet.
     arm_points: PointCloud,
     /// Points that the hand and its fingers must not meet.
@@ -47,14 +48,20 @@ impl Scene {
     #[must_use]
     pub fn from_primitives(primitives: Vec<Primitive>) -> Self {
         let no_points = PointCloud::new(&[], 0.0);
-        Self { solids: primitives.into_iter().map(Solid::from).collect(), arm_points: no_points.clone(), hand_points: no_points }
+        Self { solids: primitives.into_iter().collect(), arm_points: no_points.clone(), hand_points: no_points }
     }
 
     /// A scene of balls of `point_radius` (metres) around `points`.
     #[must_use]
     pub fn from_points(points: &[Vec3], point_radius: f32) -> Self {
+        Self::empty().with_points(points, point_radius)
+    }
+
+    /// The same solids among balls of `point_radius` (metres) around `points`.
+    #[must_use]
+    pub fn with_points(self, points: &[Vec3], point_radius: f32) -> Self {
         let cloud = PointCloud::new(points, point_radius);
-        Self { arm_points: cloud.clone(), hand_points: cloud, ..Self::empty() }
+        Self { arm_points: cloud.clone(), hand_points: cloud, ..self }
     }
 
     /// Points that links 1–7 must not meet.
@@ -69,9 +76,9 @@ impl Scene {
         &self.hand_points
     }
 
-    /// Adds solid obstacles to the scene.
-    pub fn add_primitives(&mut self, primitives: impl IntoIterator<Item = Primitive>) {
-        self.solids.extend(primitives.into_iter().map(Solid::from));
+    /// The solid obstacles.
+    pub fn primitives(&self) -> impl Iterator<Item = &Primitive> {
+        self.solids.primitives()
     }
 
     /// Whether the arm at `config` meets neither the scene nor itself.
@@ -88,9 +95,8 @@ impl Scene {
         let center = frame.point(bound.center);
         !points.is_surely_clear(center, bound.radius)
             && spheres.iter().any(|sphere| points.touches(frame.point(sphere.center), sphere.radius))
-            || self.solids.iter().any(|solid| {
-                solid.touches(center, bound.radius)
-                    && spheres.iter().any(|sphere| solid.touches(frame.point(sphere.center), sphere.radius))
+            || self.solids.any_near(center, bound.radius, |solid| {
+                spheres.iter().any(|sphere| solid.touches(frame.point(sphere.center), sphere.radius))
             })
     }
 }

@@ -1,7 +1,7 @@
 //! Primitive obstacles and the distance of a point to them.
 
 use super::Shape;
-use glamx::{Pose3, Quat, Vec3};
+use glamx::{Pose3, Vec3};
 
 /// A solid obstacle in the world frame. Lengths in metres.
 #[derive(Debug, Clone, PartialEq)]
@@ -78,58 +78,6 @@ impl Primitive {
     }
 }
 
-/// A primitive prepared for the question whether a ball meets it.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Solid {
-    primitive: Primitive,
-    /// Axes of a box or cylinder in the world: the dot products with them are quicker than its pose.
-    axes: [Vec3; 3],
-}
-
-impl From<Primitive> for Solid {
-    fn from(primitive: Primitive) -> Self {
-        let rotation = match &primitive {
-            Primitive::Cuboid { world_from_box: pose, .. } | Primitive::Cylinder { world_from_cylinder: pose, .. } => {
-                pose.rotation
-            }
-            Primitive::Sphere { .. } | Primitive::Capsule { .. } => Quat::IDENTITY,
-        };
-        Self { primitive, axes: Vec3::AXES.map(|axis| rotation * axis) }
-    }
-}
-
-impl Solid {
-    #[cfg(test)]
-    pub(super) const fn primitive(&self) -> &Primitive {
-        &self.primitive
-    }
-
-    /// Whether a ball meets the solid. Metres.
-    pub(super) fn touches(&self, center: Vec3, ball_radius: f32) -> bool {
-        match &self.primitive {
-            Primitive::Sphere { center: other, radius } => is_within(center - *other, ball_radius + radius),
-            Primitive::Cuboid { world_from_box, half_extents } => {
-                let local = self.local(center - world_from_box.translation);
-                is_within((local.abs() - *half_extents).max(Vec3::ZERO), ball_radius)
-            }
-            Primitive::Capsule { a, b, radius } => is_within(from_segment(center, *a, *b), ball_radius + radius),
-            Primitive::Cylinder { world_from_cylinder, radius, half_length } => {
-                let local = self.local(center - world_from_cylinder.translation);
-                let radial = (libm::sqrtf(local.x * local.x + local.y * local.y) - radius).max(0.0);
-                is_within(Vec3::new(radial, 0.0, (local.z.abs() - half_length).max(0.0)), ball_radius)
-            }
-        }
-    }
-
-    fn local(&self, offset: Vec3) -> Vec3 {
-        Vec3::new(self.axes[0].dot(offset), self.axes[1].dot(offset), self.axes[2].dot(offset))
-    }
-}
-
-fn is_within(offset: Vec3, reach: f32) -> bool {
-    offset.length_squared() <= reach * reach
-}
-
 /// The box along the shape's axes around `points`.
 fn box_around(points: &[Vec3], world_from_shape: &Pose3) -> Primitive {
     let first = points.first().copied().unwrap_or(Vec3::ZERO);
@@ -145,7 +93,7 @@ pub(super) fn length(v: Vec3) -> f32 {
 }
 
 /// Offset of `point` from the nearest point of the segment from `a` to `b`, metres.
-fn from_segment(point: Vec3, a: Vec3, b: Vec3) -> Vec3 {
+pub(super) fn from_segment(point: Vec3, a: Vec3, b: Vec3) -> Vec3 {
     let axis = b - a;
     let along = (point - a).dot(axis) / axis.dot(axis).max(f32::MIN_POSITIVE);
     point - a - along.clamp(0.0, 1.0) * axis
@@ -154,6 +102,7 @@ fn from_segment(point: Vec3, a: Vec3, b: Vec3) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glamx::Quat;
     use parry3d::query::PointQuery as _;
     use parry3d::shape::{Ball, Capsule, Cuboid, Cylinder};
     use proptest::prelude::*;
@@ -181,9 +130,6 @@ mod tests {
             for (shape, distance) in expected {
                 let found = Primitive::new(&shape, &pose).distance(point);
                 prop_assert!((found - distance).abs() < 1e-5, "{shape:?}: {found} instead of {distance}");
-                let solid = Solid::from(Primitive::new(&shape, &pose));
-                prop_assert!(solid.touches(point, distance + 1e-5));
-                prop_assert!(distance < 1e-4 || !solid.touches(point, distance - 1e-5));
             }
         }
 

@@ -62,7 +62,7 @@ pub(crate) fn is_free_by_brute_force(
         let points = if link == HAND { &scene.hand_points } else { &scene.arm_points };
         of_link(link).any(|(center, radius)| {
             points.points().iter().any(|point| point.distance(center) < radius + points.point_radius())
-                || scene.solids.iter().any(|solid| solid.primitive().distance(center) < radius)
+                || scene.primitives().any(|primitive| primitive.distance(center) < radius)
         })
     });
     let allowed = |a, b| robot.allowed_self_collisions.contains(&(a, b));
