@@ -1,7 +1,7 @@
 //! `RRTConnect`: two trees in joint space that grow towards each other.
 //!
-//! Kuffner and LaValle, "RRT-Connect: An efficient approach to single-query path planning" (2000), with the balanced choice of
-//! the tree to grow. Deterministic for a generator.
+//! "RRT-Connect: An efficient approach to single-query path planning" (ICRA 2000), with the balanced choice of the tree to grow.
+//! Deterministic for a generator.
 //!
 //! # Differences from the original
 //!

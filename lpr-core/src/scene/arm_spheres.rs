@@ -147,3 +147,40 @@ impl Frame {
         Self { x: self.x * cos + y * sin, y: y * cos - self.x * sin, z, origin: self.origin + self.x * joint.a + z * joint.d }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::ROBOTS;
+    use crate::scene::Scene;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn spheres_and_self_collision_agree_with_the_robot_in_f64(shares in prop::array::uniform7(0.0_f32..1.0)) {
+            for robot in ROBOTS {
+                let arm = ArmSpheres::new(robot);
+                let joints = robot.joints;
+                let config = JointConfig(core::array::from_fn(|j| joints[j].lower + shares[j] * (joints[j].upper - joints[j].lower)));
+                let frames = robot.link_frames(&config);
+                let expected = robot.spheres.iter().enumerate().flat_map(|(link, list)| list.iter().map(move |s| (link, s)));
+                for ((link, found), (wanted_link, wanted)) in arm.spheres_at(&config).zip(expected) {
+                    prop_assert_eq!(link, wanted_link);
+                    prop_assert!(found.center.distance(frames[link] * wanted.center) < 5e-6);
+                }
+                // Both compute in f32 from frames that differ by rounding: near misses aside, they agree.
+                if Scene::empty().is_free(&arm, &config) == robot.self_collides(&config) {
+                    let grown = |by: f32| crate::scene::stick_arm::is_free_by_brute_force(robot, &Scene::empty(), &config, by);
+                    prop_assert_ne!(grown(-1e-5), grown(1e-5));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn every_arm_is_free_at_its_start() {
+        for robot in ROBOTS {
+            assert!(Scene::empty().is_free(&ArmSpheres::new(robot), &robot.start), "{}", robot.name);
+        }
+    }
+}

@@ -62,12 +62,12 @@ impl Boxes {
     fn squared_gaps(&self, point: Vec3) -> [f32; LANES] {
         let mut squares = [0.0; LANES];
         for axis in 0..3 {
-            for lane in 0..LANES {
-                let below = self.low[axis][lane] - point[axis];
-                let above = point[axis] - self.high[axis][lane];
+            let ends = self.low[axis].iter().zip(&self.high[axis]);
+            for (square, (low, high)) in squares.iter_mut().zip(ends) {
+                let (below, above) = (low - point[axis], point[axis] - high);
                 let gap = if below > above { below } else { above };
                 let gap = if gap > 0.0 { gap } else { 0.0 };
-                squares[lane] += gap * gap;
+                *square += gap * gap;
             }
         }
         squares

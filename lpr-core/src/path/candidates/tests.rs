@@ -1,8 +1,9 @@
 use super::*;
 use crate::path::{c2farm_path, linear_candidate};
+use crate::robot::ROBOTS;
 use crate::scene::stick_arm::stick_arm;
 use crate::scene::{Holding, ObstacleQuery, Primitive, obstacle_scene};
-use glamx::{Quat, Vec3};
+use glamx::{Quat, Vec2, Vec3};
 use proptest::prelude::*;
 
 const STREAMS: CandidateStreams = CandidateStreams { seed: 11, step: 3 };
@@ -51,33 +52,56 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(16))]
     #[test]
     fn candidates_run_from_the_start_to_the_goal_within_limits(
-        by in (-0.15_f32..0.0, 0.1_f32..0.3, -0.55_f32..-0.3),
+        by in prop::array::uniform2(-0.1_f32..0.1),
+        height in 0.05_f32..0.3,
+        yaw in -1.0_f32..1.0,
         seed in 0..1000_u64,
     ) {
-        let robot = stick_arm();
-        let goal = goal(&robot, by.into());
-        let scene = tabletop(&robot, &goal);
-        let streams = CandidateStreams { seed, step: 0 };
-        let set = candidates(&query(&robot, &scene, goal), &settings(), streams);
-        prop_assert_eq!(&set, &candidates(&query(&robot, &scene, goal), &settings(), streams));
-        prop_assert!(!set.candidates.is_empty());
-        let arm = ArmSpheres::new(&robot);
-        for candidate in &set.candidates {
-            let path = &candidate.path;
-            prop_assert_eq!(path.configs().len(), 10);
-            prop_assert_eq!(path.start(), &robot.start);
-            prop_assert!(path.configs().iter().all(|config| robot.within_limits(config)));
-            let end = robot.grip(path.goal());
-            prop_assert!(end.translation.distance(goal.translation) < 1e-3);
-            prop_assert!(end.rotation.angle_between(goal.rotation) < 2e-3);
-            let checker = MotionChecker::new(&scene, &arm, 32.0);
-            prop_assert_eq!(candidate.collides, !checker.path_is_free(path.configs()));
-        }
-        let shortest = set.shortest_free();
-        for free in set.candidates.iter().filter(|candidate| !candidate.collides) {
-            prop_assert!(shortest.unwrap().path.length() <= free.path.length());
+        for robot in ROBOTS {
+            let at = (robot.workspace_center + Vec2::from_array(by)).extend(height);
+            let goal = Pose3::from_parts(at, Quat::from_rotation_x(core::f32::consts::PI) * Quat::from_rotation_z(yaw));
+            let scene = tabletop(robot, &goal);
+            check(&query(robot, &scene, goal), CandidateStreams { seed, step: 0 })?;
         }
     }
+}
+
+/// What holds for every candidate set with a goal in reach.
+fn check(query: &PathQuery<'_>, streams: CandidateStreams) -> Result<(), TestCaseError> {
+    let PathQuery { robot, start, goal, scene, .. } = *query;
+    let set = candidates(query, &settings(), streams);
+    prop_assert_eq!(&set, &candidates(query, &settings(), streams));
+    prop_assert!(!set.candidates.is_empty());
+    let arm = ArmSpheres::new(robot);
+    for candidate in &set.candidates {
+        let path = &candidate.path;
+        prop_assert_eq!(path.configs().len(), 10);
+        prop_assert_eq!(path.start(), &start);
+        prop_assert!(path.configs().iter().all(|config| robot.within_limits(config)));
+        let end = robot.grip(path.goal());
+        prop_assert!(end.translation.distance(goal.translation) < 1e-3);
+        prop_assert!(end.rotation.angle_between(goal.rotation) < 2e-3);
+        let checker = MotionChecker::new(scene, &arm, 32.0);
+        prop_assert_eq!(candidate.collides, !checker.path_is_free(path.configs()));
+    }
+    let shortest = set.shortest_free();
+    for free in set.candidates.iter().filter(|candidate| !candidate.collides) {
+        prop_assert!(shortest.unwrap().path.length() <= free.path.length());
+    }
+    Ok(())
+}
+
+#[cfg(feature = "parallel")]
+#[test]
+fn the_number_of_threads_changes_nothing() {
+    let robot = stick_arm();
+    let goal = goal(&robot, [-0.05, 0.3, -0.5]);
+    let scene = tabletop(&robot, &goal);
+    let with_threads = |n| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
+        pool.install(|| candidates(&query(&robot, &scene, goal), &settings(), STREAMS))
+    };
+    assert_eq!(with_threads(1), with_threads(3));
 }
 
 #[test]
