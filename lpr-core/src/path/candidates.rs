@@ -87,7 +87,7 @@ pub struct PathQuery<'a> {
 pub struct CandidateStreams {
     /// Seed of the run.
     pub seed: u64,
-    /// Number of the environment step that the set is for, counted over the whole run.
+    /// Number of the environment step that the set is for, counted over the whole run; below 2⁴⁰.
     pub step: u64,
 }
 
@@ -167,7 +167,7 @@ impl From<Rejection> for Outcome {
 ///
 /// # Panics
 ///
-/// When the settings fail [`CandidateSettings::check`] in `path_len`.
+/// When `path_len` is below 2: [`CandidateSettings::check`] refuses it.
 #[must_use]
 pub fn candidates(query: &PathQuery<'_>, settings: &CandidateSettings, streams: CandidateStreams) -> CandidateSet {
     let generator = Generator { query, settings, streams, arm: &ArmSpheres::new(query.robot) };
@@ -183,8 +183,11 @@ pub fn candidates(query: &PathQuery<'_>, settings: &CandidateSettings, streams: 
     set
 }
 
-/// Distinct goal configurations, as many as planner paths if there are so many.
+/// Distinct goal configurations, as many as planner paths if there are so many; none for a start or goal that is not finite.
 pub(super) fn goal_configs(query: &PathQuery<'_>, settings: &CandidateSettings, streams: CandidateStreams) -> Vec<JointConfig> {
+    if !query.start.is_finite() || !query.goal.is_finite() {
+        return Vec::new();
+    }
     let n = settings.planner_paths.max(1);
     query.robot.ik_distinct(&query.goal, n, settings.min_goal_distance, &query.start, &mut streams.rng(Stream::Ik, 0))
 }

@@ -164,6 +164,19 @@ fn a_pose_out_of_reach_is_unreachable_for_every_path() {
 }
 
 #[test]
+fn a_start_or_goal_that_is_not_finite_gives_no_candidates() {
+    let (robot, scene) = (stick_arm(), Scene::empty());
+    let mut broken_start = query(&robot, &scene, goal(&robot, [0.0; 3]));
+    broken_start.start[3] = f32::NAN;
+    for query in [broken_start, query(&robot, &scene, goal(&robot, [f32::NAN, 0.0, 0.0]))] {
+        let set = candidates(&query, &settings(), STREAMS);
+        assert!(set.candidates.is_empty());
+        assert!(set.rejected.iter().all(|rejected| rejected.reason == Rejection::Unreachable));
+        assert!(c2farm_path(&query, &settings(), STREAMS).is_err());
+    }
+}
+
+#[test]
 fn a_start_or_goal_in_an_obstacle_leaves_the_paths_without_checks() {
     let robot = stick_arm();
     let goal = goal(&robot, [0.0, 0.3, -0.4]);
