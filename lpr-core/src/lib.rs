@@ -7,6 +7,7 @@ pub mod q_attention;
 pub mod rng;
 pub mod robot;
 pub mod scene;
+pub mod sim;
 
 pub use error::{Error, Result};
 pub use glam;
