@@ -166,3 +166,6 @@ impl Renderer {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -11,6 +11,8 @@ use glamx::{Mat3, Pose3, Vec2, Vec3};
 const LANES: usize = 4;
 /// Column of each lane's pixel centre, pixels.
 const LANE_CENTERS: [f32; LANES] = [0.5, 1.5, 2.5, 3.5];
+/// Triangles wider than this have their span solved row by row; for narrower ones testing all pixels costs less.
+const WIDE: usize = 3 * LANES;
 /// Entry of [`Raster::faces`] for pixels that see nothing.
 pub(super) const NO_FACE: u32 = 0;
 
@@ -170,30 +172,87 @@ impl Raster {
     }
 
     fn scan(&mut self, pixels: PixelBox, edges: [Linear; 3], depth: InverseDepth, face_idx: u32) {
-        let [first, last] = [pixels.columns[0] / LANES, pixels.columns[1].div_ceil(LANES)];
+        let columns = pixels.columns;
+        let crossing_per_value = edges.map(|edge| -1.0 / edge.dx);
         for y in pixels.rows[0]..pixels.rows[1] {
             let center = y as f32 + 0.5;
-            let edge_rows = edges.map(|edge| edge.at_row(center));
-            let depth_row = depth.plane.at_row(center);
+            let edge_rows = edges.map(|edge| Row { dx: edge.dx, left: edge.at_row(center) });
+            let depth_row = Row { dx: depth.plane.dx, left: depth.plane.at_row(center) };
+            let [start, end] =
+                if columns[1] - columns[0] > WIDE { span(columns, edge_rows, crossing_per_value) } else { columns };
+            let [first, last] = [start / LANES, end.div_ceil(LANES)];
+            if first >= last {
+                continue;
+            }
             let groups = y * self.stride + first..y * self.stride + last;
             let buffers = self.inverse_depth[groups.clone()].iter_mut().zip(&mut self.face_idx[groups]);
-            for (group, (nearest, faces)) in buffers.enumerate() {
-                let left = ((first + group) * LANES) as f32;
-                for lane in 0..LANES {
-                    let x = left + LANE_CENTERS[lane];
-                    let inside = (x * edges[0].dx + edge_rows[0] >= 0.0)
-                        & (x * edges[1].dx + edge_rows[1] >= 0.0)
-                        & (x * edges[2].dx + edge_rows[2] >= 0.0);
-                    let value = x * depth.plane.dx + depth_row;
-                    let value = if value > depth.max { depth.max } else { value };
-                    let value = if value < depth.min { depth.min } else { value };
-                    let visible = inside & (value > nearest[lane]);
-                    nearest[lane] = if visible { value } else { nearest[lane] };
-                    faces[lane] = if visible { face_idx } else { faces[lane] };
-                }
+            let mut x = LANE_CENTERS.map(|lane_center| (first * LANES) as f32 + lane_center);
+            for (nearest, faces) in buffers {
+                let [ab, bc, ca] = edge_rows.map(|row| row.at(x));
+                let value = clamped(depth_row.at(x), depth.min, depth.max);
+                let visible = visible_lanes(least(least(ab, bc), ca), value, *nearest);
+                *nearest = chosen(visible, value.map(f32::to_bits), nearest.map(f32::to_bits)).map(f32::from_bits);
+                *faces = chosen(visible, [face_idx; LANES], *faces);
+                x = x.map(|x| x + LANES as f32);
             }
         }
     }
+}
+
+/// A [`Linear`] function along one row.
+#[derive(Debug, Clone, Copy)]
+struct Row {
+    dx: f32,
+    left: f32,
+}
+
+type Lanes = [f32; LANES];
+
+/// The part of `columns` that holds all pixels of a row within the edges, with a pixel to spare on either side for rounding.
+fn span(columns: [usize; 2], edge_rows: [Row; 3], crossing_per_value: [f32; 3]) -> [usize; 2] {
+    let (mut start, mut end) = (columns[0] as f32, columns[1] as f32);
+    for (edge, per_value) in edge_rows.iter().zip(crossing_per_value) {
+        let crossing = edge.left * per_value;
+        if edge.dx > 0.0 {
+            start = start.max(crossing - 1.0);
+        } else if edge.dx < 0.0 {
+            end = end.min(crossing + 1.0);
+        }
+    }
+    [start as usize, (end as usize).min(columns[1])]
+}
+
+impl Row {
+    #[inline(always)]
+    fn at(self, x: Lanes) -> Lanes {
+        x.map(|x| x * self.dx + self.left)
+    }
+}
+
+// These are written without branches over whole groups, so that the compiler uses vector instructions.
+
+#[inline(always)]
+fn least(a: Lanes, b: Lanes) -> Lanes {
+    core::array::from_fn(|lane| if a[lane] < b[lane] { a[lane] } else { b[lane] })
+}
+
+#[inline(always)]
+fn clamped(values: Lanes, min: f32, max: f32) -> Lanes {
+    values.map(|value| {
+        let value = if value < max { value } else { max };
+        if value > min { value } else { min }
+    })
+}
+
+/// All bits set where the pixel is inside the triangle and nearer than what it saw.
+#[inline(always)]
+fn visible_lanes(inside: Lanes, value: Lanes, nearest: Lanes) -> [u32; LANES] {
+    core::array::from_fn(|lane| u32::from((inside[lane] >= 0.0) & (value[lane] > nearest[lane])).wrapping_neg())
+}
+
+#[inline(always)]
+fn chosen(mask: [u32; LANES], yes: [u32; LANES], no: [u32; LANES]) -> [u32; LANES] {
+    core::array::from_fn(|lane| (yes[lane] & mask[lane]) | (no[lane] & !mask[lane]))
 }
 
 /// Where the mesh stands, or `None` when its bounding ball is outside the camera's view.
