@@ -3,10 +3,17 @@
 //! A z-buffer over flat-shaded triangles; shading is deferred, so each pixel is coloured once. Nothing here knows of physics: items
 //! are meshes with poses, and walls, floor and table are items like any other.
 
+mod annotate;
+mod font;
 mod mesh;
+mod palette;
+mod picture;
 mod raster;
 
+pub use annotate::Stroke;
 pub use mesh::Detail;
+pub use palette::value_color;
+pub use picture::Picture;
 
 use crate::error::Result;
 use crate::perception::{Camera, View};
