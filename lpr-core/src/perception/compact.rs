@@ -43,7 +43,7 @@ impl CompactGrid {
         write_indices(&self.space, features);
         for voxel in &self.occupied {
             let color = Vec3::from_array(voxel.rgb.map(f32::from)) * (2.0 / 255.0) - Vec3::ONE;
-            write_occupied(features, self.space.n_voxels(), voxel.flat.into(), self.position(voxel), color);
+            write_occupied(features, self.space.n_voxels(), voxel.flat.into(), self.position(*voxel), color);
         }
     }
 
@@ -57,10 +57,10 @@ impl CompactGrid {
 
     /// One point per occupied voxel, its mean position and colour: what is left of the cloud to augment and voxelise again.
     pub fn colored_points(&self) -> impl Iterator<Item = (Vec3, [u8; 3])> + '_ {
-        self.occupied.iter().map(|voxel| (self.position(voxel), voxel.rgb))
+        self.occupied.iter().map(|voxel| (self.position(*voxel), voxel.rgb))
     }
 
-    fn position(&self, voxel: &CompactVoxel) -> Vec3 {
+    fn position(&self, voxel: CompactVoxel) -> Vec3 {
         let corner = self.space.corner(self.space.voxel_from_flat(voxel.flat.into()));
         // The middle of what rounds down to the same offset, so never on a face of the voxel.
         corner + self.space.voxel_size() * (Vec3::from_array(voxel.offset.map(f32::from)) + 0.5) / 256.0

@@ -118,19 +118,27 @@ impl VoxelSpace {
         self.side
     }
 
-    /// The voxel that holds `point`, or `None` outside the box.
+    /// The voxel that holds `point`, or `None` outside the box and for NaN.
     #[must_use]
     pub fn voxel_from_point(&self, point: Vec3) -> Option<VoxelIndex> {
-        self.bounds.contains(point).then(|| self.nearest_voxel(point))
+        let scaled = self.scaled(point).to_array();
+        let is_inside = |axis: usize| scaled[axis] >= 0.0 && scaled[axis] < self.counts[axis] as f32;
+        let [x, y, z] = scaled.map(|value| value as i32 as usize);
+        (is_inside(0) && is_inside(1) && is_inside(2)).then_some(VoxelIndex { x, y, z })
     }
 
     /// The voxel nearest to `point`: its own inside the box, one of the shell for a point outside.
     #[must_use]
     pub fn nearest_voxel(&self, point: Vec3) -> VoxelIndex {
-        let scaled = (point - self.bounds.min) * self.per_metre;
-        // Casts saturate at zero; rounding may carry a point just below the upper face over it.
-        let along = |value: f32, axis: usize| (value as usize).min(self.counts[axis] - 1);
-        VoxelIndex { x: along(scaled.x, 0), y: along(scaled.y, 1), z: along(scaled.z, 2) }
+        let scaled = self.scaled(point).to_array();
+        // Casts saturate at zero.
+        let [x, y, z] = [0, 1, 2].map(|axis| (scaled[axis] as usize).min(self.counts[axis] - 1));
+        VoxelIndex { x, y, z }
+    }
+
+    /// A point in units of voxels from the lower corner.
+    fn scaled(&self, point: Vec3) -> Vec3 {
+        (point - self.bounds.min) * self.per_metre
     }
 
     /// Centre of a voxel, metres.

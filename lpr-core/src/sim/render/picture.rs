@@ -175,24 +175,24 @@ impl ShadowMap {
 
     /// Share of the key light that reaches the surface with `normal` at `point`, 0 to 1.
     fn lit(&self, point: Vec3, normal: Vec3) -> f32 {
-        // Two texels off the surface, so that it does not shadow itself.
+        // Off the surface, so that it does not shadow itself: a corner of the square is (PENUMBRA + 1/2) √2 texels away.
         let texel = LIGHT_DISTANCE / self.camera.fx;
-        let Some((image, depth)) = self.camera.project(point + normal * (PENUMBRA as f32 * texel)) else { return 1.0 };
+        let offset = 1.5 * (PENUMBRA as f32 + 0.5) * texel;
+        let Some((image, depth)) = self.camera.project(point + normal * offset) else { return 1.0 };
         let (column, row) = (libm::floorf(image.x) as i32, libm::floorf(image.y) as i32);
         let inverse_depth = 1.0 / (depth - 0.5 * texel);
-        let mut n_lit = 0;
-        for y in row - PENUMBRA..=row + PENUMBRA {
-            for x in column - PENUMBRA..=column + PENUMBRA {
-                n_lit += u32::from(self.nearest(x, y) <= inverse_depth);
-            }
-        }
-        n_lit as f32 / ((2 * PENUMBRA + 1) * (2 * PENUMBRA + 1)) as f32
-    }
-
-    /// Inverse depth at a texel; nothing shadows what the map does not cover.
-    fn nearest(&self, x: i32, y: i32) -> f32 {
-        let covered = 0..SHADOW_SIZE as i32;
-        if covered.contains(&x) && covered.contains(&y) { self.raster.row(y as usize).0[x as usize] } else { 0.0 }
+        // Nothing shadows what the map does not cover.
+        let covered = |middle: i32| {
+            let inside = |texel: i32| texel.clamp(0, SHADOW_SIZE as i32) as usize;
+            inside(middle.saturating_sub(PENUMBRA))..inside(middle.saturating_add(PENUMBRA + 1))
+        };
+        let dark_in_row = |y: usize| {
+            let depths = &self.raster.row(y).0[covered(column)];
+            depths.iter().filter(|&&nearest| nearest > inverse_depth).count()
+        };
+        let n_dark: usize = covered(row).map(dark_in_row).sum();
+        let n_texels = (2 * PENUMBRA + 1) * (2 * PENUMBRA + 1);
+        1.0 - n_dark as f32 / n_texels as f32
     }
 }
 
