@@ -9,7 +9,7 @@ use parry3d::transformation::try_convex_hull;
 /// How finely round shapes are tessellated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Detail {
-    /// For images of 128 × 128 pixels: 16 sides, at most 2 % of the radius inside the true surface.
+    /// For images of 128 × 128 pixels: 16 sides; at most 2 % of the radius inside a cylinder, 6 % inside a ball.
     Observation,
     /// For pictures that people look at: 64 sides.
     Picture,

@@ -40,7 +40,7 @@ fn wedge() -> Vec<Vec3> {
         .to_vec()
 }
 
-/// A camera whose image is centred on `item`, from nearby.
+/// A camera near the middle of the table.
 fn close_up() -> Camera {
     Camera::looking_at("close", Vec3::new(0.9, -0.5, 0.4), Vec3::new(0.45, 0.0, 0.05), FRAC_PI_6)
 }
@@ -112,7 +112,7 @@ fn depth_of_a_box_is_that_of_the_exact_box() {
 }
 
 #[test]
-fn observation_meshes_are_within_two_percent_of_the_radius() {
+fn observation_meshes_are_at_most_six_percent_inside_a_ball() {
     let mut renderer = Renderer::new(Detail::Observation);
     let radius = 0.1;
     let mesh = renderer.mesh(&Shape::Sphere { radius }).expect("a proper shape");
