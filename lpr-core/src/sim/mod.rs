@@ -5,6 +5,7 @@ mod contact;
 mod gripper;
 mod params;
 mod physics;
+pub mod render;
 mod scene_spec;
 pub mod tasks;
 mod world;
