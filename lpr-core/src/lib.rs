@@ -1,5 +1,6 @@
 //! C2F-ARM with Learned Path Ranking.
 
+pub mod env;
 pub mod error;
 #[cfg(feature = "learn")]
 pub mod nn;
@@ -15,6 +16,8 @@ pub mod replay;
 pub mod rng;
 pub mod robot;
 pub mod scene;
+#[cfg(feature = "sim")]
+pub mod sim;
 
 pub use error::{Error, Result};
 pub use glam;

@@ -1,1 +1,161 @@
-//! Inverse kinematics.
+//! Inverse kinematics of the grip: the closed form at a fixed `q7`, and what is built on scanning `q7`.
+//!
+//! Solves in f64. A returned configuration is within the limits; its grip pose differs from the one asked for by rounding to f32
+//! only (below 1e-4 m and 1e-3 rad). Poses are `world_from_grip`. A joint with limits beyond a turn takes the winding nearest
+//! the reference configuration `near`.
+
+mod closed_form;
+mod step;
+
+pub use closed_form::IkBranches;
+pub use step::MAX_STEP_CHANGE;
+
+use super::{DOF, JointConfig, Robot};
+use crate::rng::Rng;
+use closed_form::{Angles, Target, rounded, widened};
+use core::f64::consts::{PI, TAU};
+use glamx::Pose3;
+use rand::RngExt as _;
+
+/// Spacing of `q7` in the search for the nearest solution, radians.
+const SCAN_SPACING: f64 = 0.05;
+/// Bisections around the best sample of `q7`: 0.05 rad down to 1e-6 rad.
+const REFINEMENTS: usize = 16;
+/// Samples of `q7` for distinct solutions.
+const DISTINCT_SAMPLES: u32 = 64;
+/// Samples of `q7` when [`DISTINCT_SAMPLES`] found nothing: intervals of a few hundredths of a radian are found.
+const RARE_SAMPLES: u32 = 512;
+
+impl Robot {
+    /// All solutions with that last joint angle: at most eight.
+    #[must_use]
+    pub fn ik_all_at(&self, world_from_grip: &Pose3, q7: f64, near: &JointConfig) -> IkBranches {
+        Target::new(self, world_from_grip).solve(q7, &widened(near))
+    }
+
+    /// The solution nearest `near` in joint space.
+    #[must_use]
+    pub fn ik_nearest(&self, world_from_grip: &Pose3, near: &JointConfig) -> Option<JointConfig> {
+        let target = Target::new(self, world_from_grip);
+        let near = widened(near);
+        let mut best = self.scan(&target, &near, SCAN_SPACING).or_else(|| self.scan(&target, &near, 0.1 * SCAN_SPACING))?;
+        let mut spacing = 0.5 * SCAN_SPACING;
+        for _ in 0..REFINEMENTS {
+            let q7 = best.angles[6];
+            for q7 in [q7 - spacing, q7 + spacing] {
+                best.improve(&target, q7, &near);
+            }
+            spacing *= 0.5;
+        }
+        Some(rounded(&best.angles))
+    }
+
+    /// The best solution on a grid of `q7`, from `near` outwards until `q7` alone is further away than the best.
+    fn scan(&self, target: &Target<'_>, near: &Angles, spacing: f64) -> Option<Nearest> {
+        let joint = &self.joints[DOF - 1];
+        let n_steps = (f64::from(joint.upper - joint.lower) / spacing) as i32 + 1;
+        let mut best = Nearest { angles: *near, squared_distance: f64::INFINITY };
+        for step in 0..=n_steps {
+            let offset = f64::from(step) * spacing;
+            if offset * offset > best.squared_distance {
+                break;
+            }
+            best.improve(target, near[6] + offset, near);
+            best.improve(target, near[6] - offset, near);
+        }
+        best.squared_distance.is_finite().then_some(best)
+    }
+
+    /// Up to `n` solutions, of which any two differ by more than `min_distance` radians (modulo 2π) in some joint, spread over
+    /// the redundancy; of each the winding nearest `near`.
+    #[must_use]
+    pub fn ik_distinct(
+        &self,
+        world_from_grip: &Pose3,
+        n: usize,
+        min_distance: f32,
+        near: &JointConfig,
+        rng: &mut Rng,
+    ) -> Vec<JointConfig> {
+        let target = Target::new(self, world_from_grip);
+        let near = widened(near);
+        let offset = rng.random::<f64>();
+        let mut distinct = Distinct { solutions: Vec::with_capacity(n), n, min_distance };
+        let mut others = Vec::new();
+        for sample in 0..RARE_SAMPLES {
+            let is_enough = sample >= DISTINCT_SAMPLES && !distinct.solutions.is_empty();
+            if distinct.solutions.len() >= n || is_enough {
+                break;
+            }
+            let branches = target.solve(self.q7_sample(offset + radical_inverse(sample)), &near);
+            if branches.is_empty() {
+                continue;
+            }
+            // One branch of each q7 first, so that few solutions already cover many q7.
+            let chosen = rng.random_range(0..branches.len());
+            for (i, config) in branches.iter().enumerate() {
+                if i == chosen { distinct.offer(config) } else { others.push(config) }
+            }
+        }
+        others.into_iter().for_each(|config| distinct.offer(config));
+        distinct.solutions
+    }
+
+    /// `q7` at a fraction (its integer part is ignored) of its range, at most one turn of it.
+    fn q7_sample(&self, fraction: f64) -> f64 {
+        let joint = &self.joints[DOF - 1];
+        let (lower, upper) = (f64::from(joint.lower), f64::from(joint.upper));
+        let (first, range) = if upper - lower > TAU { (-PI, TAU) } else { (lower, upper - lower) };
+        first + range * (fraction - libm::floor(fraction))
+    }
+}
+
+/// The solution nearest a reference so far.
+struct Nearest {
+    angles: Angles,
+    squared_distance: f64,
+}
+
+impl Nearest {
+    fn improve(&mut self, target: &Target<'_>, q7: f64, near: &Angles) {
+        for angles in target.solve(q7, near).angles() {
+            let squared_distance = angles.iter().zip(near).map(|(a, b)| (a - b) * (a - b)).sum();
+            if squared_distance < self.squared_distance {
+                *self = Self { angles: *angles, squared_distance };
+            }
+        }
+    }
+}
+
+/// Solutions of which any two differ.
+struct Distinct {
+    solutions: Vec<JointConfig>,
+    n: usize,
+    min_distance: f32,
+}
+
+impl Distinct {
+    fn offer(&mut self, config: JointConfig) {
+        let is_new = self.solutions.iter().all(|other| differ(&config, other) > self.min_distance);
+        if is_new && self.solutions.len() < self.n {
+            self.solutions.push(config);
+        }
+    }
+}
+
+/// Largest difference of one joint modulo 2π, radians.
+fn differ(a: &JointConfig, b: &JointConfig) -> f32 {
+    const TURN: f32 = core::f32::consts::TAU;
+    a.iter().zip(b.iter()).fold(0.0, |most, (a, b)| {
+        let difference = (a - b).abs() % TURN;
+        difference.min(TURN - difference).max(most)
+    })
+}
+
+/// Base-2 radical inverse: 0, 1/2, 1/4, 3/4, 1/8 …
+fn radical_inverse(i: u32) -> f64 {
+    f64::from(i.reverse_bits()) / (f64::from(u32::MAX) + 1.0)
+}
+
+#[cfg(test)]
+mod tests;

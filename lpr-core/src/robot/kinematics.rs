@@ -27,9 +27,14 @@ impl Robot {
     /// `world_from_joint` of the seven joint frames in f64.
     #[must_use]
     pub fn joint_frames(&self, config: &JointConfig) -> [DPose3; DOF] {
+        self.frames_at(&config.0.map(f64::from))
+    }
+
+    /// `world_from_joint` at f64 angles.
+    pub(super) fn frames_at(&self, angles: &[f64; DOF]) -> [DPose3; DOF] {
         let mut world_from_joint = DPose3::IDENTITY;
         core::array::from_fn(|j| {
-            world_from_joint = world_from_joint * self.joints[j].transform(f64::from(config[j]));
+            world_from_joint *= self.joints[j].transform(angles[j]);
             world_from_joint
         })
     }
@@ -66,7 +71,11 @@ impl Robot {
     /// Jacobian of the grip in the world frame: rows are linear velocity (m/rad) then angular velocity (rad/rad).
     #[must_use]
     pub fn jacobian(&self, config: &JointConfig) -> [[f64; DOF]; 6] {
-        let frames = self.joint_frames(config);
+        self.jacobian_of(&self.joint_frames(config))
+    }
+
+    /// The Jacobian, from the frames of the joints.
+    pub(super) fn jacobian_of(&self, frames: &[DPose3; DOF]) -> [[f64; DOF]; 6] {
         let grip = (frames[DOF - 1] * self.link7_from_flange * self.flange_from_grip).translation;
         let mut jacobian = [[0.0; DOF]; 6];
         for (j, frame) in frames.iter().enumerate() {
@@ -91,5 +100,45 @@ impl super::Joint {
             DVec3::new(self.a, -sin_alpha * self.d, cos_alpha * self.d),
             DQuat::from_xyzw(sin_x * cos_z, -sin_x * sin_z, cos_x * sin_z, cos_x * cos_z),
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::{Stream, stream};
+    use rand::RngExt as _;
+
+    #[test]
+    fn jacobian_agrees_with_finite_differences() {
+        let mut rng = stream(1, Stream::Ik, 0);
+        for robot in ROBOTS {
+            for _ in 0..50 {
+                let config = JointConfig(robot.joints.map(|joint| rng.random_range(joint.lower..joint.upper)));
+                let jacobian = robot.jacobian(&config);
+                for j in 0..DOF {
+                    let moved = |by: f64| {
+                        let mut angles = config.0.map(f64::from);
+                        angles[j] += by;
+                        robot.frames_at(&angles)[DOF - 1] * robot.link7_from_flange * robot.flange_from_grip
+                    };
+                    let (before, after) = (moved(-1e-5), moved(1e-5));
+                    let linear = (after.translation - before.translation) / 2e-5;
+                    // For a small turn the vector part of the quaternion is half the rotation vector.
+                    let turn = after.rotation * before.rotation.inverse();
+                    let angular = DVec3::new(turn.x, turn.y, turn.z) * (turn.w.signum() * 2.0 / 2e-5);
+                    for (row, expected) in linear.to_array().into_iter().chain(angular.to_array()).enumerate() {
+                        assert!((jacobian[row][j] - expected).abs() < 1e-8, "{}: row {row}, joint {j}", robot.name);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn unknown_robots_are_an_error_that_names_the_known_ones() {
+        assert_eq!(Robot::by_name("panda").map(|robot| robot.name), Ok("panda"));
+        let error = Robot::by_name("ur5").expect_err("not built in").to_string();
+        assert!(error.contains("ur5") && error.contains("xarm7") && error.contains("panda"), "{error}");
     }
 }

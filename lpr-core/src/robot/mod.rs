@@ -13,6 +13,7 @@ use core::ops::{Deref, DerefMut};
 use glamx::{DPose3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
+pub use ik::{IkBranches, MAX_STEP_CHANGE};
 pub use panda::PANDA;
 pub use xarm7::XARM7;
 
