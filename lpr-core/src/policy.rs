@@ -22,7 +22,7 @@ use crate::rng::Rng;
 use crate::robot::{DOF, JointConfig, Robot};
 
 use burn::module::Module;
-use burn::tensor::{Device, Tensor};
+use burn::tensor::Device;
 use serde::{Deserialize, Serialize};
 
 /// Numbers per configuration: start, goal configuration, next-best pose, fraction of the way.

@@ -71,7 +71,7 @@ mod tests {
     fn both_signs_of_a_quaternion_are_the_same_pose() {
         let rotation = Quat::from_rotation_z(0.7) * Quat::from_rotation_x(core::f32::consts::PI);
         let goal =
-            |rotation| NextBestPose { pose: Pose3 { rotation, translation: Vec3::new(0.4, -0.1, 0.2) }, gripper: Gripper::Close };
+            |rotation| NextBestPose { pose: Pose3::from_parts(Vec3::new(0.4, -0.1, 0.2), rotation), gripper: Gripper::Close };
         let features = goal_features(&goal(rotation));
         assert_eq!(features, goal_features(&goal(-rotation)));
         assert_eq!(features[..3], [0.4, -0.1, 0.2]);
