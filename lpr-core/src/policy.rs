@@ -197,3 +197,139 @@ impl Policy {
 fn fraction(idx: usize, n_configs: usize) -> f32 {
     idx as f32 / (n_configs - 1) as f32
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::nn::GradientClip;
+    use crate::nn::golden::{GoldenGoal, assert_close, assert_tensors_close};
+    use crate::rng::{Stream, stream};
+    use crate::robot::{Gripper, PANDA};
+    use glamx::{Pose3, Quat, Vec3};
+
+    fn settings() -> PolicySettings {
+        let adam = AdamSettings { learning_rate: 3e-3, l2: 0.0, clip: GradientClip::None };
+        PolicySettings { widths: vec![32, 64, 64], adam }
+    }
+
+    fn policy(seed: u64) -> Policy {
+        Policy::new(&settings(), &PANDA, Backend::Flex, &mut stream(seed, Stream::Init, 1)).expect("valid settings")
+    }
+
+    fn goal() -> NextBestPose {
+        let pose = Pose3::from_parts(Vec3::new(0.5, -0.1, 0.3), Quat::from_rotation_x(3.0));
+        NextBestPose { pose, gripper: Gripper::Open }
+    }
+
+    /// An arc of `n` configurations around the straight line.
+    fn arc(n: usize) -> JointPath {
+        let end = JointConfig(PANDA.start.map(|q| q - 0.4));
+        let configs = (0..n).map(|idx| {
+            let s = idx as f32 / (n - 1) as f32;
+            let line = PANDA.start.lerp(&end, s);
+            JointConfig(core::array::from_fn(|j| line[j] + 0.3 * (core::f32::consts::PI * s).sin() * (j as f32 - 3.0) / 3.0))
+        });
+        JointPath::new(configs.collect()).expect("several configurations")
+    }
+
+    fn largest_difference(a: &JointPath, b: &JointPath) -> f32 {
+        a.configs().iter().zip(b.configs()).fold(0.0, |most, (a, b)| a.max_joint_distance(b).max(most))
+    }
+
+    #[test]
+    fn the_untrained_policy_proposes_the_straight_line() {
+        let end = JointConfig(PANDA.start.map(|q| q + 0.3));
+        let path = policy(1).path(&PANDA.start, &end, &goal(), 9).expect("a path");
+        for (idx, config) in path.configs().iter().enumerate() {
+            assert!(config.max_joint_distance(&PANDA.start.lerp(&end, idx as f32 / 8.0)) < 1e-6);
+        }
+    }
+
+    #[test]
+    fn it_learns_a_path_and_keeps_the_ends_exact() {
+        let demonstrated = arc(12);
+        let goal = goal();
+        let batch = [PolicySample { path: &demonstrated, goal: &goal, weight: 1.0 }];
+        let mut policy = policy(2);
+        let propose = |policy: &Policy, n| policy.path(demonstrated.start(), demonstrated.goal(), &goal, n).expect("a path");
+        let before = largest_difference(&propose(&policy, 12), &demonstrated);
+        for _ in 0..200 {
+            policy.update(&batch).expect("a valid batch");
+            let path = propose(&policy, 12);
+            assert_eq!((path.start(), path.goal()), (demonstrated.start(), demonstrated.goal()));
+        }
+        let after = largest_difference(&propose(&policy, 12), &demonstrated);
+        assert!(before > 0.25 && after < 0.03, "largest difference of a joint {before}, then {after} rad");
+        // The same curve in another number of configurations.
+        let finer = largest_difference(&propose(&policy, 23), &arc(23));
+        assert!(finer < 0.04, "{finer} rad");
+    }
+
+    #[test]
+    fn the_same_seed_gives_the_same_losses_and_a_restored_policy_goes_on_bit_by_bit() {
+        let (paths, goal) = ([arc(8), arc(11)], goal());
+        let batch = paths.each_ref().map(|path| PolicySample { path, goal: &goal, weight: 0.5 });
+        let run = |policy: &mut Policy, n| -> Vec<u32> {
+            (0..n).map(|_| policy.update(&batch).expect("a valid batch").to_bits()).collect()
+        };
+        let mut straight = policy(3);
+        let losses = run(&mut straight, 20);
+        assert_eq!(losses, run(&mut policy(3), 20));
+        let mut resumed = policy(4);
+        resumed.restore(&straight.state()).expect("the same settings");
+        assert_eq!(run(&mut straight, 5), run(&mut resumed, 5));
+        assert_eq!(straight.state(), resumed.state());
+    }
+
+    #[test]
+    fn broken_input_is_an_error() {
+        let mut policy = policy(1);
+        assert!(policy.path(&PANDA.start, &PANDA.start, &goal(), 1).is_err());
+        assert!(policy.update(&[]).is_err());
+        let settings = PolicySettings { widths: vec![8, 0], ..settings() };
+        assert!(Policy::new(&settings, &PANDA, Backend::Flex, &mut stream(0, Stream::Init, 1)).is_err());
+    }
+
+    #[derive(Deserialize)]
+    struct Case {
+        settings: PolicySettings,
+        batch: Vec<Sample>,
+        before: Vec<NamedTensor>,
+        path: Vec<JointConfig>,
+        losses: Vec<f32>,
+        after: Vec<NamedTensor>,
+    }
+
+    #[derive(Deserialize)]
+    struct Sample {
+        configs: Vec<JointConfig>,
+        goal: GoldenGoal,
+        weight: f32,
+    }
+
+    #[test]
+    fn path_losses_and_parameters_are_those_of_pytorch() {
+        let reference = include_str!("../../tests/golden/policy.json");
+        let cases: Vec<Case> = serde_json::from_str(reference).expect("written by tests/peers/networks.py");
+        for case in &cases {
+            let rng = &mut stream(0, Stream::Init, 1);
+            let mut policy = Policy::new(&case.settings, &PANDA, Backend::Flex, rng).expect("valid settings");
+            let adam = policy.state().adam;
+            policy.restore(&PolicyState { network: case.before.clone(), adam }).expect("tensors of these settings");
+            let path_of = |sample: &Sample| JointPath::new(sample.configs.clone()).expect("at least two configurations");
+            let owned: Vec<_> = case.batch.iter().map(|sample| (path_of(sample), sample.goal.next_best_pose())).collect();
+            let (path, goal) = &owned[0];
+            let found = policy.path(path.start(), path.goal(), goal, case.path.len()).expect("a path");
+            for (found, expected) in found.configs().iter().zip(&case.path) {
+                assert_close("path", &found.0, &expected.0, 1e-5);
+            }
+            let samples: Vec<_> = owned.iter().zip(&case.batch).collect();
+            let batch: Vec<_> =
+                samples.iter().map(|((path, goal), sample)| PolicySample { path, goal, weight: sample.weight }).collect();
+            for expected in &case.losses {
+                assert_close("loss", &[policy.update(&batch).expect("a valid batch")], &[*expected], 1e-5);
+            }
+            assert_tensors_close(&policy.state().network, &case.after, 2e-5);
+        }
+    }
+}

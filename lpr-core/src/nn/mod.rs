@@ -5,6 +5,8 @@
 
 mod adam;
 mod features;
+#[cfg(test)]
+pub(crate) mod golden;
 mod layers;
 mod parameters;
 
