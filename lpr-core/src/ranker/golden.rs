@@ -5,6 +5,12 @@ use crate::nn::golden::{GoldenGoal, assert_close, assert_tensors_close};
 use crate::rng::{Stream, stream};
 use crate::robot::{JointConfig, PANDA};
 
+const BACKENDS: &[Backend] = &[
+    Backend::Flex,
+    #[cfg(feature = "ndarray")]
+    Backend::Ndarray,
+];
+
 const REFERENCE: &str = include_str!("../../../tests/golden/ranker.json");
 
 #[derive(Deserialize)]
@@ -61,11 +67,13 @@ impl Owned {
 fn values_updates_and_parameters_are_those_of_pytorch() {
     let cases: Vec<Case> = serde_json::from_str(REFERENCE).expect("written by tests/peers/networks.py");
     assert_eq!(cases.len(), 3);
-    cases.iter().for_each(check_case);
+    for &backend in BACKENDS {
+        cases.iter().for_each(|case| check_case(case, backend));
+    }
 }
 
-fn check_case(case: &Case) {
-    let mut ranker = Ranker::new(&case.settings, &PANDA, Backend::Flex, &mut stream(0, Stream::Init, 0)).expect("valid settings");
+fn check_case(case: &Case, backend: Backend) {
+    let mut ranker = Ranker::new(&case.settings, &PANDA, backend, &mut stream(0, Stream::Init, 0)).expect("valid settings");
     let Networks { online, target } = &case.before;
     let adam = ranker.state().adam;
     ranker.restore(&RankerState { online: online.clone(), target: target.clone(), adam }).expect("tensors of these settings");
