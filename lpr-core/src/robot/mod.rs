@@ -2,6 +2,9 @@
 //!
 //! The base is the world frame, z up, table top at z = 0. Joints are modified-DH rows as in `T = Rx(alpha) Tx(a) Rz(q) Tz(d)`.
 
+mod geometry;
+#[cfg(test)]
+mod golden;
 mod ik;
 mod kinematics;
 mod panda;
@@ -13,6 +16,7 @@ use core::ops::{Deref, DerefMut};
 use glamx::{DPose3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
+pub use geometry::{Finger, GripperBox, MAX_OVERSHOOT};
 pub use ik::{IkBranches, MAX_STEP_CHANGE};
 pub use panda::PANDA;
 pub use xarm7::XARM7;
@@ -92,6 +96,10 @@ pub struct GripperSpec {
     pub pad_half_extents: Vec3,
     /// Centre of the pads along the grip frame's z, metres (0: pads centred on `grip`).
     pub pad_offset_z: f32,
+    /// Half extents of the finger behind a pad, axes as for the pad.
+    pub finger_half_extents: Vec3,
+    /// Centre of the fingers along the grip frame's z, metres.
+    pub finger_offset_z: f32,
 }
 
 /// A command to the gripper: the last part of a macro action.
@@ -136,11 +144,12 @@ pub struct Robot {
     pub start: JointConfig,
     /// Centre of the workspace on the table, metres.
     pub workspace_center: Vec2,
-    /// Collision spheres per frame: base, links 1–7, hand with open fingers.
-    pub spheres: [&'static [Sphere]; N_LINKS],
-    /// Capsules per frame that cover the spheres: the physical and drawn geometry.
+    /// Physical and drawn geometry per frame: base, links 1–7, hand without fingers (those are boxes: [`GripperSpec::fingers`]).
     pub capsules: [&'static [Capsule]; N_LINKS],
-    /// Pairs of frames that are never tested against each other.
+    /// Collision spheres per frame: they cover the capsules, the hand's the open fingers too, by at most [`MAX_OVERSHOOT`].
+    pub spheres: [&'static [Sphere]; N_LINKS],
+    /// Pairs of frames (the lower first) that are never tested against each other: neighbours, pairs that overlap in every
+    /// configuration and pairs that cannot meet.
     pub allowed_self_collisions: &'static [(usize, usize)],
 }
 

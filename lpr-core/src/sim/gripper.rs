@@ -1,0 +1,179 @@
+//! The gripper: one width for both fingers, a force stop, and the grasp of free objects by attaching them.
+//!
+//! Articulated handles are held by friction and caging; free objects are attached to the hand when both pads touch them, as
+//! `RLBench` does, with their contacts to the robot switched off.
+
+use super::params::SimParams;
+use super::physics::{held_groups, scene_groups};
+use super::world::World;
+use crate::robot::{Gripper, GripperSpec, HAND};
+use crate::scene::{Part, Shape};
+use glamx::{Pose3, Vec3};
+use rapier3d::prelude::{FixedJointBuilder, ImpulseJointHandle, RigidBodyHandle};
+
+/// Length of the finger blocks behind the pads, metres.
+const FINGER_HALF_LENGTH: f32 = 0.018;
+/// Colour of the pads.
+const PAD_RGB: [u8; 3] = [40, 40, 45];
+/// Colour of the fingers.
+const FINGER_RGB: [u8; 3] = [90, 92, 98];
+/// The pads part by this much before a released object may touch them again, metres.
+const RELEASE_GAP: f32 = 0.004;
+/// Below this width a closed gripper holds nothing, metres.
+const EMPTY_WIDTH: f32 = 0.001;
+
+/// What the gripper holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Holding {
+    /// Nothing.
+    Nothing,
+    /// Something between the pads that is not attached: a handle.
+    Pinched,
+    /// A free object, attached to the hand.
+    Attached {
+        /// Body index in the scene.
+        body: usize,
+    },
+}
+
+/// State of the gripper.
+#[derive(Debug, Clone)]
+pub(super) struct GripperState {
+    pub(super) width: f32,
+    pub(super) command: Gripper,
+    pub(super) holding: Holding,
+    /// Smaller of the two fingers' contact forces after the last step, newtons.
+    force: f32,
+    attachment: Option<ImpulseJointHandle>,
+    /// An object released but still between the pads, with the width at its release.
+    released: Option<(usize, f32)>,
+}
+
+impl GripperState {
+    pub(super) fn open(spec: &GripperSpec) -> Self {
+        Self {
+            width: spec.max_width,
+            command: Gripper::Open,
+            holding: Holding::Nothing,
+            force: 0.0,
+            attachment: None,
+            released: None,
+        }
+    }
+
+    /// Moves both fingers by one physics step.
+    pub(super) fn advance(&mut self, params: &SimParams, spec: &GripperSpec) {
+        let travel = 2.0 * params.finger_speed * params.dt;
+        match self.command {
+            Gripper::Open => self.width = (self.width + travel).min(spec.max_width),
+            Gripper::Close if self.attachment.is_some() || self.force > params.grip_force => {}
+            Gripper::Close => self.width = (self.width - travel).max(0.0),
+        }
+    }
+
+    pub(super) fn settled(&self, spec: &GripperSpec) -> bool {
+        match self.command {
+            Gripper::Open => self.width >= spec.max_width,
+            Gripper::Close => self.holding != Holding::Nothing || self.width <= 0.0,
+        }
+    }
+}
+
+/// Poses of the two fingers: at the inner faces of the pads, axes of the grip.
+pub(super) fn finger_poses(world_from_grip: &Pose3, width: f32) -> [Pose3; 2] {
+    [0.5, -0.5].map(|side| *world_from_grip * Pose3::from_translation(Vec3::Y * (side * width)))
+}
+
+/// Geometry of the two fingers in their own frames: the pad and the block that carries it.
+pub(super) fn finger_parts(spec: &GripperSpec) -> [Vec<Part>; 2] {
+    [1.0, -1.0].map(|side| {
+        let pad = spec.pad_half_extents;
+        let center = Vec3::new(0.0, side * pad.y, spec.pad_offset_z);
+        let block = Vec3::new(pad.x, 2.0 * pad.y, FINGER_HALF_LENGTH);
+        let behind = Vec3::new(0.0, side * block.y, spec.pad_offset_z - pad.z - block.z);
+        vec![
+            Part::new(Shape::Cuboid { half_extents: pad }, Pose3::from_translation(center), PAD_RGB),
+            Part::new(Shape::Cuboid { half_extents: block }, Pose3::from_translation(behind), FINGER_RGB),
+        ]
+    })
+}
+
+impl World {
+    /// Reads the fingers' forces, attaches what a closing hand has reached and lets go of what an opening one held.
+    pub(super) fn update_grasp(&mut self) {
+        let forces = self.fingers.map(|finger| self.contact_force(finger));
+        self.gripper.force = forces[0].min(forces[1]);
+        match self.gripper.command {
+            Gripper::Open => self.release(),
+            Gripper::Close => self.grasp(),
+        }
+    }
+
+    fn grasp(&mut self) {
+        if self.gripper.attachment.is_some() {
+            return;
+        }
+        if let Some(body) = (0..self.bodies.len()).find(|&body| self.is_graspable(body) && self.pads_touch(body)) {
+            self.attach(body);
+            return;
+        }
+        let pinches = self.gripper.force > 0.0 && self.gripper.width > EMPTY_WIDTH;
+        let stopped = self.gripper.force > self.params.grip_force;
+        self.gripper.holding = match self.gripper.holding {
+            Holding::Pinched if pinches => Holding::Pinched,
+            _ if pinches && stopped => Holding::Pinched,
+            _ => Holding::Nothing,
+        };
+    }
+
+    /// Whether both fingers are in contact with a body of the scene.
+    fn pads_touch(&self, body: usize) -> bool {
+        self.fingers.iter().all(|finger| self.touching(*finger, self.bodies[body]))
+    }
+
+    fn touching(&self, finger: RigidBodyHandle, body: RigidBodyHandle) -> bool {
+        self.physics.colliders_of(finger).iter().any(|pad| {
+            self.physics.narrow_phase.contact_pairs_with(*pad).any(|pair| {
+                let other = if pair.collider1 == *pad { pair.collider2 } else { pair.collider1 };
+                pair.has_any_active_contact() && self.physics.colliders[other].parent() == Some(body)
+            })
+        })
+    }
+
+    fn attach(&mut self, body: usize) {
+        let hand = self.links[HAND];
+        let object = self.bodies[body];
+        let hand_from_object = self.physics.bodies[hand].position().inv_mul(self.physics.bodies[object].position());
+        let joint = FixedJointBuilder::new().local_frame1(hand_from_object).contacts_enabled(false);
+        self.gripper.attachment = Some(self.physics.impulse_joints.insert(hand, object, joint, true));
+        self.gripper.holding = Holding::Attached { body };
+        self.gripper.released = None;
+        self.set_held(object, held_groups());
+    }
+
+    fn set_held(&mut self, object: RigidBodyHandle, groups: rapier3d::prelude::InteractionGroups) {
+        for collider in self.physics.bodies[object].colliders().to_vec() {
+            self.physics.colliders[collider].set_collision_groups(groups);
+        }
+    }
+
+    fn release(&mut self) {
+        if let Some(joint) = self.gripper.attachment.take() {
+            self.physics.impulse_joints.remove(joint, true);
+            if let Holding::Attached { body } = self.gripper.holding {
+                let hand_velocity = self.physics.bodies[self.links[HAND]].linvel();
+                let object = &mut self.physics.bodies[self.bodies[body]];
+                object.set_linvel(hand_velocity, true);
+                object.set_angvel(Vec3::ZERO, true);
+                self.gripper.released = Some((body, self.gripper.width));
+            }
+        }
+        self.gripper.holding = Holding::Nothing;
+        if let Some((body, width)) = self.gripper.released
+            && self.gripper.width > width + RELEASE_GAP
+        {
+            self.set_held(self.bodies[body], scene_groups());
+            self.gripper.released = None;
+        }
+    }
+}

@@ -1,0 +1,13 @@
+//! The simulator: scenes as data, a rapier3d world with a kinematic arm, tasks and the environment over them.
+
+mod arm;
+mod contact;
+mod gripper;
+mod params;
+mod physics;
+mod scene_spec;
+mod world;
+
+pub use params::SimParams;
+pub use scene_spec::{BodyKind, BodySpec, Condition, JointKind, JointSpec, SceneSpec, Zone};
+pub use world::{Holding, World};

@@ -1,0 +1,182 @@
+//! rapier's sets as one value that can be cloned: a snapshot of the world.
+
+use super::params::SimParams;
+use super::scene_spec::{BodyKind, BodySpec, JointKind, JointSpec};
+use crate::scene::{Part, Shape};
+use glamx::{Pose3, Quat, Vec3};
+use rapier3d::prelude::{
+    BroadPhaseBvh, CCDSolver, CoefficientCombineRule, ColliderBuilder, ColliderHandle, ColliderSet, GenericJoint, Group,
+    ImpulseJointSet, IntegrationParameters, InteractionGroups, InteractionTestMode, IslandManager, MultibodyJointHandle,
+    MultibodyJointSet, NarrowPhase, PhysicsPipeline, PrismaticJointBuilder, RevoluteJointBuilder, RigidBodyBuilder,
+    RigidBodyHandle, RigidBodySet, SharedShape, SoftBodySet,
+};
+
+/// Group of fixed and moving bodies of the scene.
+pub(super) const SCENE_GROUP: Group = Group::GROUP_1;
+/// Group of arm, hand and fingers.
+pub(super) const ROBOT_GROUP: Group = Group::GROUP_2;
+
+/// Earth's gravity along world z, m/s².
+const GRAVITY: Vec3 = Vec3::new(0.0, 0.0, -9.81);
+
+/// All of rapier's state.
+#[derive(Clone)]
+pub(super) struct Physics {
+    pub(super) parameters: IntegrationParameters,
+    pub(super) islands: IslandManager,
+    pub(super) broad_phase: BroadPhaseBvh,
+    pub(super) narrow_phase: NarrowPhase,
+    pub(super) bodies: RigidBodySet,
+    pub(super) colliders: ColliderSet,
+    pub(super) impulse_joints: ImpulseJointSet,
+    pub(super) multibody_joints: MultibodyJointSet,
+    soft_bodies: SoftBodySet,
+    ccd_solver: CCDSolver,
+    pipeline: Pipeline,
+}
+
+/// rapier's pipeline is scratch space without state of its own: a clone starts afresh.
+struct Pipeline(PhysicsPipeline);
+
+impl Clone for Pipeline {
+    fn clone(&self) -> Self {
+        Self(PhysicsPipeline::new())
+    }
+}
+
+impl Physics {
+    pub(super) fn new(params: &SimParams) -> Self {
+        Self {
+            parameters: params.integration(),
+            islands: IslandManager::new(),
+            broad_phase: BroadPhaseBvh::default(),
+            narrow_phase: NarrowPhase::new(),
+            bodies: RigidBodySet::new(),
+            colliders: ColliderSet::new(),
+            impulse_joints: ImpulseJointSet::new(),
+            multibody_joints: MultibodyJointSet::new(),
+            soft_bodies: SoftBodySet::new(),
+            ccd_solver: CCDSolver::new(),
+            pipeline: Pipeline(PhysicsPipeline::new()),
+        }
+    }
+
+    pub(super) fn step(&mut self) {
+        self.pipeline.0.step(
+            GRAVITY,
+            &self.parameters,
+            &mut self.islands,
+            &mut self.broad_phase,
+            &mut self.narrow_phase,
+            &mut self.bodies,
+            &mut self.colliders,
+            &mut self.impulse_joints,
+            &mut self.multibody_joints,
+            &mut self.soft_bodies,
+            &mut self.ccd_solver,
+            &(),
+            &(),
+        );
+    }
+
+    /// Adds a body of the scene. Visual bodies have no colliders.
+    pub(super) fn insert_body(&mut self, spec: &BodySpec, params: &SimParams) -> RigidBodyHandle {
+        let builder = match spec.kind {
+            BodyKind::Visual | BodyKind::Fixed => RigidBodyBuilder::fixed(),
+            BodyKind::Dynamic | BodyKind::Graspable => RigidBodyBuilder::dynamic(),
+        };
+        let body = self.bodies.insert(builder.pose(spec.pose));
+        if spec.kind == BodyKind::Visual {
+            return body;
+        }
+        let volume: f32 = spec.parts.iter().map(|part| shared_shape(&part.shape).mass_properties(1.0).mass()).sum();
+        for part in &spec.parts {
+            let shape = shared_shape(&part.shape);
+            let density = if volume > 0.0 { spec.mass / volume } else { 0.0 };
+            let collider = ColliderBuilder::new(shape)
+                .position(collider_pose(part))
+                .density(density)
+                .friction(spec.friction * params.friction_scale)
+                .collision_groups(scene_groups());
+            self.colliders.insert_with_parent(collider, body, &mut self.bodies);
+        }
+        body
+    }
+
+    /// Adds a kinematic body of the robot.
+    pub(super) fn insert_robot_body(&mut self, pose: Pose3, parts: &[Part], friction: f32) -> RigidBodyHandle {
+        let body = self.bodies.insert(RigidBodyBuilder::kinematic_position_based().pose(pose));
+        for part in parts {
+            let collider = ColliderBuilder::new(shared_shape(&part.shape))
+                .position(collider_pose(part))
+                .friction(friction)
+                .friction_combine_rule(CoefficientCombineRule::Max)
+                .collision_groups(InteractionGroups::new(ROBOT_GROUP, SCENE_GROUP, InteractionTestMode::And));
+            self.colliders.insert_with_parent(collider, body, &mut self.bodies);
+        }
+        body
+    }
+
+    /// Adds a joint in reduced coordinates: its child cannot leave the axis however hard a hand pulls.
+    pub(super) fn insert_joint(
+        &mut self,
+        spec: &JointSpec,
+        parent: RigidBodyHandle,
+        child: RigidBodyHandle,
+    ) -> Option<MultibodyJointHandle> {
+        // The joint's own coordinate is zero at the start poses; its x axis is the axis of motion.
+        let world_from_joint = Pose3::from_parts(spec.anchor, Quat::from_rotation_arc(Vec3::X, spec.axis));
+        let frame_in = |body: RigidBodyHandle| self.bodies[body].position().inv_mul(&world_from_joint);
+        let limits = spec.limits.map(|limit| limit - spec.start);
+        let mut joint: GenericJoint = match spec.kind {
+            JointKind::Revolute => RevoluteJointBuilder::new(Vec3::X).limits(limits).contacts_enabled(false).build().into(),
+            JointKind::Prismatic => PrismaticJointBuilder::new(Vec3::X).limits(limits).contacts_enabled(false).build().into(),
+        };
+        joint.local_frame1 = frame_in(parent);
+        joint.local_frame2 = frame_in(child);
+        let handle = self.multibody_joints.insert(parent, child, joint, true)?;
+        if let Some((multibody, _)) = self.multibody_joints.get_mut(handle) {
+            multibody.frictions_mut().fill(spec.brake);
+            multibody.damping_mut().fill(0.0);
+        }
+        Some(handle)
+    }
+
+    /// Colliders of a body.
+    pub(super) fn colliders_of(&self, body: RigidBodyHandle) -> &[ColliderHandle] {
+        self.bodies[body].colliders()
+    }
+}
+
+/// Collision groups of scene bodies that the robot may touch.
+pub(super) fn scene_groups() -> InteractionGroups {
+    InteractionGroups::new(SCENE_GROUP, SCENE_GROUP | ROBOT_GROUP, InteractionTestMode::And)
+}
+
+/// Collision groups of a body that is attached to the hand.
+pub(super) fn held_groups() -> InteractionGroups {
+    InteractionGroups::new(SCENE_GROUP, SCENE_GROUP, InteractionTestMode::And)
+}
+
+/// rapier's shape.
+pub(super) fn shared_shape(shape: &Shape) -> SharedShape {
+    match shape {
+        Shape::Sphere { radius } => SharedShape::ball(*radius),
+        Shape::Cuboid { half_extents } => SharedShape::cuboid(half_extents.x, half_extents.y, half_extents.z),
+        Shape::Cylinder { radius, half_length } => SharedShape::cylinder(*half_length, *radius),
+        Shape::Capsule { radius, half_length } => {
+            SharedShape::capsule(Vec3::Z * -*half_length, Vec3::Z * *half_length, *radius)
+        }
+        Shape::Convex { points } => {
+            SharedShape::convex_hull(points).unwrap_or_else(|| SharedShape::cuboid(1e-4, 1e-4, 1e-4))
+        }
+    }
+}
+
+/// Pose of the collider in its body: rapier's cylinder lies along y, ours along z.
+pub(super) fn collider_pose(part: &Part) -> Pose3 {
+    match part.shape {
+        Shape::Cylinder { .. } => part.pose * Pose3::from_rotation(Quat::from_rotation_x(core::f32::consts::FRAC_PI_2)),
+        _ => part.pose,
+    }
+}

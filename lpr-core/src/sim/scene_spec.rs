@@ -1,0 +1,153 @@
+//! A scene as data: one value drives physics, pictures and drawings.
+
+use crate::scene::Part;
+use glamx::{Pose3, Vec3};
+use serde::{Deserialize, Serialize};
+
+/// Everything in a scene but the robot.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SceneSpec {
+    /// Name of the task it belongs to.
+    pub task: String,
+    /// Bodies; other fields refer to them by index.
+    pub bodies: Vec<BodySpec>,
+    /// Hinges and slides between bodies.
+    pub joints: Vec<JointSpec>,
+    /// The task is done when all of these hold.
+    pub success: Vec<Condition>,
+}
+
+/// A rigid body.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BodySpec {
+    /// Name, unique in the scene.
+    pub name: String,
+    /// How it moves.
+    pub kind: BodyKind,
+    /// `world_from_body` at the start.
+    pub pose: Pose3,
+    /// Its geometry.
+    pub parts: Vec<Part>,
+    /// Mass, kg (0 for bodies that do not move).
+    pub mass: f32,
+    /// Coulomb friction coefficient.
+    pub friction: f32,
+}
+
+/// How a body takes part in the physics.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum BodyKind {
+    /// Seen, never touched.
+    Visual,
+    /// Never moves.
+    Fixed,
+    /// Moves, and is held by friction or caging only.
+    Dynamic,
+    /// Moves, and is attached to a hand that closes on it.
+    Graspable,
+}
+
+/// A hinge or slide with one degree of freedom; its coordinate is `start` at the bodies' start poses.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct JointSpec {
+    /// Name, unique in the scene.
+    pub name: String,
+    /// Hinge or slide.
+    pub kind: JointKind,
+    /// Body index of the fixed side.
+    pub parent: usize,
+    /// Body index of the moving side.
+    pub child: usize,
+    /// A point of the axis in the world at the start, metres.
+    pub anchor: Vec3,
+    /// Unit axis in the world at the start.
+    pub axis: Vec3,
+    /// Limits of the coordinate, radians or metres.
+    pub limits: [f32; 2],
+    /// The coordinate at the start, radians or metres.
+    pub start: f32,
+    /// Dry friction of the joint, N·m or N.
+    pub brake: f32,
+}
+
+/// The motion that a joint leaves free.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum JointKind {
+    /// Rotation about the axis.
+    Revolute,
+    /// Translation along the axis.
+    Prismatic,
+}
+
+/// A region of the world.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Zone {
+    /// A box.
+    Cuboid {
+        /// `world_from_zone`.
+        pose: Pose3,
+        /// Half the side lengths, metres.
+        half_extents: Vec3,
+    },
+    /// An upright cylinder.
+    Cylinder {
+        /// Centre, metres.
+        center: Vec3,
+        /// Radius, metres.
+        radius: f32,
+        /// Half the height, metres.
+        half_height: f32,
+    },
+}
+
+impl Zone {
+    /// Whether a point of the world lies inside.
+    #[must_use]
+    pub fn contains(&self, point: Vec3) -> bool {
+        match *self {
+            Self::Cuboid { pose, half_extents } => pose.inverse_transform_point(point).abs().cmple(half_extents).all(),
+            Self::Cylinder { center, radius, half_height } => {
+                let offset = point - center;
+                offset.x * offset.x + offset.y * offset.y <= radius * radius && offset.z.abs() <= half_height
+            }
+        }
+    }
+}
+
+/// One condition for success.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Condition {
+    /// A joint has moved by more than `min` from its start.
+    JointMoved {
+        /// Joint index.
+        joint: usize,
+        /// Radians or metres.
+        min: f32,
+    },
+    /// A point of a body lies in a zone.
+    BodyInZone {
+        /// Body index.
+        body: usize,
+        /// The point in the body's frame, metres.
+        point: Vec3,
+        /// The zone.
+        zone: Zone,
+    },
+    /// The grip lies in a zone.
+    GripInZone {
+        /// The zone.
+        zone: Zone,
+    },
+    /// The hand holds the body.
+    Grasped {
+        /// Body index.
+        body: usize,
+    },
+}

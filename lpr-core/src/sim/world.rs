@@ -1,0 +1,253 @@
+//! The simulated world: rapier bodies for a scene, a kinematic arm and a force-stopped gripper.
+
+use super::arm::link_parts;
+use super::gripper::{GripperState, finger_parts, finger_poses};
+use super::params::SimParams;
+use super::physics::Physics;
+use super::scene_spec::{BodyKind, Condition, JointKind, SceneSpec};
+use crate::env::InvalidAction;
+use crate::error::{Error, Result};
+use crate::robot::{DOF, Gripper, JointConfig, N_LINKS, Robot};
+use crate::scene::Part;
+use glamx::{Pose3, Vec3};
+use rapier3d::prelude::RigidBodyHandle;
+use std::sync::Arc;
+
+pub use super::gripper::Holding;
+
+/// Index of the first link that can hit anything: the base and link 1 stand on the table by design.
+const FIRST_MOVING_LINK: usize = 2;
+
+/// A scene in motion. A clone is a snapshot: it continues bit for bit as the original would have.
+#[derive(Clone)]
+pub struct World {
+    pub(super) physics: Physics,
+    pub(super) params: SimParams,
+    pub(super) robot: &'static Robot,
+    spec: Arc<SceneSpec>,
+    pub(super) bodies: Vec<RigidBodyHandle>,
+    pub(super) links: [RigidBodyHandle; N_LINKS],
+    pub(super) fingers: [RigidBodyHandle; 2],
+    pub(super) gripper: GripperState,
+    config: JointConfig,
+}
+
+impl core::fmt::Debug for World {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("World").field("task", &self.spec.task).field("config", &self.config).finish_non_exhaustive()
+    }
+}
+
+impl World {
+    /// Builds the scene with the arm at `config` and the gripper open.
+    ///
+    /// # Errors
+    ///
+    /// When a joint of the scene closes a loop or names a body that is not there.
+    pub fn new(spec: Arc<SceneSpec>, robot: &'static Robot, config: JointConfig, params: &SimParams) -> Result<Self> {
+        let mut physics = Physics::new(params);
+        let bodies: Vec<_> = spec.bodies.iter().map(|body| physics.insert_body(body, params)).collect();
+        for joint in &spec.joints {
+            let broken = || Error::Environment(format!("joint '{}' of task '{}' cannot be built", joint.name, spec.task));
+            let (parent, child) = bodies.get(joint.parent).zip(bodies.get(joint.child)).ok_or_else(broken)?;
+            physics.insert_joint(joint, *parent, *child).ok_or_else(broken)?;
+        }
+        let frames = robot.link_frames(&config);
+        let links = core::array::from_fn(|link| {
+            let parts = link_parts(robot, link);
+            physics.insert_robot_body(frames[link], &parts, params.pad_friction)
+        });
+        let width = robot.gripper.max_width;
+        let grip = robot.grip(&config);
+        let fingers = finger_poses(&grip, width);
+        let finger_parts = finger_parts(&robot.gripper);
+        let fingers =
+            core::array::from_fn(|side| physics.insert_robot_body(fingers[side], &finger_parts[side], params.pad_friction));
+        Ok(Self {
+            physics,
+            params: params.clone(),
+            robot,
+            spec,
+            bodies,
+            links,
+            fingers,
+            gripper: GripperState::open(&robot.gripper),
+            config,
+        })
+    }
+
+    /// Advances one physics step (`SimParams::dt`) while the arm moves to `config`.
+    ///
+    /// # Errors
+    ///
+    /// The reason why the motion is no longer one that a real arm could make; the world has then taken the step.
+    pub fn step(&mut self, config: &JointConfig) -> Result<(), InvalidAction> {
+        self.check_speed(config)?;
+        self.config = *config;
+        self.gripper.advance(&self.params, &self.robot.gripper);
+        let frames = self.robot.link_frames(config);
+        for (link, frame) in self.links.iter().zip(frames) {
+            self.physics.bodies[*link].set_next_kinematic_position(frame);
+        }
+        let fingers = finger_poses(&self.robot.grip(config), self.gripper.width);
+        for (finger, pose) in self.fingers.iter().zip(fingers) {
+            self.physics.bodies[*finger].set_next_kinematic_position(pose);
+        }
+        self.physics.step();
+        self.update_grasp();
+        self.check_penetration()?;
+        self.check_forces()
+    }
+
+    /// The joint step against the robot's velocity limits: a kinematic arm would otherwise teleport.
+    fn check_speed(&self, config: &JointConfig) -> Result<(), InvalidAction> {
+        for (j, joint) in self.robot.joints.iter().enumerate() {
+            let speed = (config[j] - self.config[j]).abs() / self.params.dt;
+            // 1 %: rounding of a step that runs exactly at the limit.
+            if !(speed <= joint.max_velocity * 1.01) {
+                return Err(InvalidAction::JointSpeed { joint: j });
+            }
+        }
+        Ok(())
+    }
+
+    /// Commands the gripper; it moves over the next steps.
+    pub fn command_gripper(&mut self, command: Gripper) {
+        self.gripper.command = command;
+    }
+
+    /// Whether the gripper has reached what it was commanded to, or something that stops it.
+    #[must_use]
+    pub fn gripper_settled(&self) -> bool {
+        self.gripper.settled(&self.robot.gripper)
+    }
+
+    /// What the gripper holds.
+    #[must_use]
+    pub fn holding(&self) -> Holding {
+        self.gripper.holding
+    }
+
+    /// Distance between the pads, metres.
+    #[must_use]
+    pub fn gripper_width(&self) -> f32 {
+        self.gripper.width
+    }
+
+    /// The arm's configuration.
+    #[must_use]
+    pub fn config(&self) -> &JointConfig {
+        &self.config
+    }
+
+    /// The robot.
+    #[must_use]
+    pub fn robot(&self) -> &'static Robot {
+        self.robot
+    }
+
+    /// The scene it was built from.
+    #[must_use]
+    pub fn spec(&self) -> &SceneSpec {
+        &self.spec
+    }
+
+    /// The physics settings.
+    #[must_use]
+    pub fn params(&self) -> &SimParams {
+        &self.params
+    }
+
+    /// `world_from_body` now.
+    #[must_use]
+    pub fn body_pose(&self, body: usize) -> Pose3 {
+        *self.physics.bodies[self.bodies[body]].position()
+    }
+
+    /// Coordinate of a joint now, radians or metres.
+    #[must_use]
+    pub fn joint_position(&self, joint: usize) -> f32 {
+        let spec = &self.spec.joints[joint];
+        let start = self.spec.bodies[spec.child].pose;
+        let moved = self.body_pose(spec.child) * start.inverse();
+        match spec.kind {
+            JointKind::Prismatic => spec.start + (moved.transform_point(spec.anchor) - spec.anchor).dot(spec.axis),
+            JointKind::Revolute => {
+                let rotation = moved.rotation;
+                let along = Vec3::new(rotation.x, rotation.y, rotation.z).dot(spec.axis);
+                let angle = 2.0 * libm::atan2f(along, rotation.w);
+                // Within half a turn of the middle of the range.
+                let middle = 0.5 * (spec.limits[0] + spec.limits[1]) - spec.start;
+                let turns = libm::roundf((angle - middle) / core::f32::consts::TAU);
+                spec.start + angle - turns * core::f32::consts::TAU
+            }
+        }
+    }
+
+    /// Whether every success condition of the scene holds.
+    #[must_use]
+    pub fn success(&self) -> bool {
+        self.spec.success.iter().all(|condition| self.holds(condition))
+    }
+
+    fn holds(&self, condition: &Condition) -> bool {
+        match condition {
+            Condition::JointMoved { joint, min } => {
+                (self.joint_position(*joint) - self.spec.joints[*joint].start).abs() > *min
+            }
+            Condition::BodyInZone { body, point, zone } => zone.contains(self.body_pose(*body).transform_point(*point)),
+            Condition::GripInZone { zone } => zone.contains(self.robot.grip(&self.config).translation),
+            Condition::Grasped { body } => self.gripper.holding == Holding::Attached { body: *body },
+        }
+    }
+
+    /// Every body of the scene with its pose now.
+    pub fn scene_items(&self) -> impl Iterator<Item = (usize, Pose3, &[Part])> {
+        self.spec.bodies.iter().enumerate().map(|(idx, body)| (idx, self.body_pose(idx), body.parts.as_slice()))
+    }
+
+    /// Arm, hand and fingers with their poses now.
+    #[must_use]
+    pub fn robot_items(&self) -> Vec<(Pose3, Vec<Part>)> {
+        let frames = self.robot.link_frames(&self.config);
+        let mut items: Vec<_> = frames.into_iter().enumerate().map(|(l, frame)| (frame, link_parts(self.robot, l))).collect();
+        let fingers = finger_poses(&self.robot.grip(&self.config), self.gripper.width);
+        items.extend(fingers.into_iter().zip(finger_parts(&self.robot.gripper)));
+        items
+    }
+
+    /// FNV-1a over the bits of every pose: equal for equal worlds.
+    #[must_use]
+    pub fn hash(&self) -> u64 {
+        let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+        let mut feed = |value: f32| {
+            for byte in value.to_bits().to_le_bytes() {
+                hash = (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3);
+            }
+        };
+        for handle in &self.bodies {
+            let pose = self.physics.bodies[*handle].position();
+            pose.translation.to_array().into_iter().chain(pose.rotation.to_array()).for_each(&mut feed);
+        }
+        (0..DOF).for_each(|j| feed(self.config[j]));
+        feed(self.gripper.width);
+        hash
+    }
+
+    /// Names the robot body `index` of [`World::robot_bodies`].
+    pub(super) fn robot_body_name(index: usize) -> &'static str {
+        const NAMES: [&str; N_LINKS + 2] =
+            ["base", "link1", "link2", "link3", "link4", "link5", "link6", "link7", "hand", "finger", "finger"];
+        NAMES[index]
+    }
+
+    /// Links that can hit something, hand and fingers, with their indices.
+    pub(super) fn robot_bodies(&self) -> impl Iterator<Item = (usize, RigidBodyHandle)> + '_ {
+        self.links.iter().chain(&self.fingers).copied().enumerate().skip(FIRST_MOVING_LINK)
+    }
+
+    /// Whether a scene body is one that the hand is attached to when it closes on it.
+    pub(super) fn is_graspable(&self, body: usize) -> bool {
+        self.spec.bodies[body].kind == BodyKind::Graspable
+    }
+}
