@@ -1,7 +1,7 @@
 //! Tensor building blocks: device, layers with seeded weights, named parameters, Adam.
 //!
 //! Networks rest on a plain device and become autodiff leaves for one update only (`Module::train`), so that acting never
-//! records a graph. Adam is our own ([`adam`]): it works on the same flat vectors that a checkpoint stores, and resumes bit by bit.
+//! records a graph. Adam is our own: it works on the same flat vectors that a checkpoint stores, and resumes bit by bit.
 
 mod adam;
 mod features;
