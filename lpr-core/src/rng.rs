@@ -3,7 +3,7 @@
 //! A generator is a pure function of `(seed, stream, index)`: the index is the episode, environment step or update it serves.
 //! So a checkpoint stores counters and no generator state, and a draw added to one stream moves no other.
 
-use rand::SeedableRng as _;
+use rand::{RngExt as _, SeedableRng as _};
 
 /// The generator of every stream: ChaCha with 8 rounds, portable across machines and to wasm.
 pub type Rng = rand::rngs::ChaCha8Rng;
@@ -52,6 +52,14 @@ pub fn stream(seed: u64, stream: Stream, index: u64) -> Rng {
     rng
 }
 
+/// A draw from the standard normal distribution (Box and Muller 1958; the second value of the pair is not used, so that every
+/// draw takes the same amount of the stream).
+#[must_use]
+pub fn normal(rng: &mut Rng) -> f32 {
+    let radius = libm::sqrtf(-2.0 * libm::logf(1.0 - rng.random::<f32>()));
+    radius * libm::cosf(core::f32::consts::TAU * rng.random::<f32>())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -65,5 +73,23 @@ mod tests {
         assert_ne!(reference, draw(8, Stream::Ik, 3));
         assert_ne!(reference, draw(7, Stream::Planner, 3));
         assert_ne!(reference, draw(7, Stream::Ik, 4));
+    }
+
+    #[test]
+    fn normal_draws_have_the_moments_of_the_standard_normal() {
+        let mut rng = stream(1, Stream::Noise, 0);
+        let n = 40_000;
+        let (mut sum, mut squares, mut within) = (0.0, 0.0, 0);
+        for _ in 0..n {
+            let x = f64::from(normal(&mut rng));
+            sum += x;
+            squares += x * x;
+            within += i32::from(x.abs() < 1.0);
+        }
+        let n = f64::from(n);
+        // Three standard errors of each.
+        assert!((sum / n).abs() < 3.0 / n.sqrt());
+        assert!((squares / n - 1.0).abs() < 3.0 * (2.0 / n).sqrt());
+        assert!((f64::from(within) / n - 0.682_69).abs() < 3.0 * (0.683 * 0.317 / n).sqrt());
     }
 }

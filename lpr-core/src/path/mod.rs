@@ -1,5 +1,22 @@
 //! Paths of the arm: what generates, checks, times and collects them.
 
+mod baseline;
+mod bezier;
+mod candidates;
+mod follow;
+mod linear;
+mod rrt_connect;
+mod shortcut;
+mod timing;
+
+pub use baseline::{c2farm_path, linear_candidate};
+pub use bezier::{BezierCurve, BezierSettings};
+pub use candidates::{CandidatePath, CandidateSet, CandidateSettings, CandidateStreams, PathQuery, RejectedPath, candidates};
+pub use linear::{LINEAR_STEPS, linear_path};
+pub use rrt_connect::{Plan, RrtSettings, rrt_connect};
+pub use shortcut::shortcut;
+pub use timing::{TimedPath, TimingSettings};
+
 use crate::error::{Error, Result};
 use crate::robot::JointConfig;
 
@@ -84,6 +101,37 @@ impl JointPath {
         resampled.push(*self.goal());
         Self(resampled)
     }
+
+    /// The same polyline with `n_configs` configurations: every corner stays, and further points divide the longest pieces.
+    ///
+    /// A path with more corners than that is [resampled](Self::resample), which cuts them.
+    ///
+    /// # Panics
+    ///
+    /// When `n_configs` is below 2.
+    #[must_use]
+    pub fn subdivide(&self, n_configs: usize) -> Self {
+        if self.0.len() > n_configs {
+            return self.resample(n_configs);
+        }
+        let lengths: Vec<f32> = self.0.windows(2).map(|pair| pair[0].distance(&pair[1])).collect();
+        let mut pieces = vec![1_usize; lengths.len()];
+        for _ in self.0.len()..n_configs {
+            let mut longest = 0;
+            for (idx, length) in lengths.iter().enumerate() {
+                if length / pieces[idx] as f32 > lengths[longest] / pieces[longest] as f32 {
+                    longest = idx;
+                }
+            }
+            pieces[longest] += 1;
+        }
+        let mut divided = vec![*self.start()];
+        for (pair, n) in self.0.windows(2).zip(pieces) {
+            divided.extend((1..n).map(|i| pair[0].lerp(&pair[1], i as f32 / n as f32)));
+            divided.push(pair[1]);
+        }
+        Self(divided)
+    }
 }
 
 /// Which generator made a path.
@@ -126,4 +174,51 @@ pub enum Rejection {
     LongerThanMean,
     /// The policy's path leaves the joint limits.
     OutsideLimits,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::DOF;
+    use proptest::prelude::*;
+
+    fn path() -> impl Strategy<Value = JointPath> {
+        prop::collection::vec(prop::array::uniform7(-3.0_f32..3.0).prop_map(JointConfig), 2..9).prop_map(JointPath)
+    }
+
+    proptest! {
+        #[test]
+        fn resampling_keeps_the_ends_and_never_lengthens(path in path(), n in 2..40_usize) {
+            for other in [path.resample(n), path.subdivide(n)] {
+                prop_assert_eq!(other.configs().len(), n);
+                prop_assert_eq!(other.start(), path.start());
+                prop_assert_eq!(other.goal(), path.goal());
+                prop_assert!(other.length() <= path.length() * (1.0 + 1e-5));
+            }
+        }
+
+        #[test]
+        fn subdividing_keeps_every_corner(path in path(), more in 0..30_usize) {
+            let divided = path.subdivide(path.configs().len() + more);
+            prop_assert!(path.configs().iter().all(|corner| divided.configs().contains(corner)));
+            prop_assert!((divided.length() - path.length()).abs() < 1e-4);
+        }
+
+        #[test]
+        fn resampled_points_are_equally_spaced_along_a_straight_path(path in path(), n in 3..40_usize) {
+            let straight = JointPath(vec![*path.start(), *path.goal()]);
+            let (resampled, step) = (straight.resample(n), straight.length() / (n - 1) as f32);
+            for pair in resampled.configs().windows(2) {
+                prop_assert!((pair[0].distance(&pair[1]) - step).abs() < 1e-4);
+            }
+        }
+    }
+
+    #[test]
+    fn a_path_needs_two_finite_configurations() {
+        let rest = JointConfig([0.0; DOF]);
+        assert!(JointPath::new(vec![rest]).is_err());
+        assert!(JointPath::new(vec![rest, JointConfig([f32::NAN; DOF])]).is_err());
+        assert!(JointPath::new(vec![rest, rest]).is_ok());
+    }
 }

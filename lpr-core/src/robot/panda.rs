@@ -81,7 +81,7 @@ pub static PANDA: Robot = Robot {
         finger_offset_z: -0.0175,
     },
     // RLBench's start: (0, 10, 0, -50, 0, 70, 45) degrees.
-    start: JointConfig([0.0, 0.174_533, 0.0, -0.872_665, 0.0, 1.221_73, 0.785_398]),
+    start: JointConfig([0.0, 0.174_533, 0.0, -0.872_665, 0.0, 1.221_73, core::f32::consts::FRAC_PI_4]),
     workspace_center: Vec2::new(0.52, 0.0),
     capsules: [BASE, LINK1, LINK2, LINK3, LINK4, LINK5, LINK6, LINK7, HAND],
     spheres: [

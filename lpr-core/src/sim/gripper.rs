@@ -6,13 +6,11 @@
 use super::params::SimParams;
 use super::physics::{held_groups, scene_groups};
 use super::world::World;
-use crate::robot::{Gripper, GripperSpec, HAND};
+use crate::robot::{Gripper, GripperBox, GripperSpec, HAND};
 use crate::scene::{Part, Shape};
 use glamx::{Pose3, Vec3};
 use rapier3d::prelude::{FixedJointBuilder, ImpulseJointHandle, RigidBodyHandle};
 
-/// Length of the finger blocks behind the pads, metres.
-const FINGER_HALF_LENGTH: f32 = 0.018;
 /// Colour of the pads.
 const PAD_RGB: [u8; 3] = [40, 40, 45];
 /// Colour of the fingers.
@@ -84,17 +82,11 @@ pub(super) fn finger_poses(world_from_grip: &Pose3, width: f32) -> [Pose3; 2] {
     [0.5, -0.5].map(|side| *world_from_grip * Pose3::from_translation(Vec3::Y * (side * width)))
 }
 
-/// Geometry of the two fingers in their own frames: the pad and the block that carries it.
+/// Geometry of the two fingers in their own frames: the pad and the body that carries it.
 pub(super) fn finger_parts(spec: &GripperSpec) -> [Vec<Part>; 2] {
-    [1.0, -1.0].map(|side| {
-        let pad = spec.pad_half_extents;
-        let center = Vec3::new(0.0, side * pad.y, spec.pad_offset_z);
-        let block = Vec3::new(pad.x, 2.0 * pad.y, FINGER_HALF_LENGTH);
-        let behind = Vec3::new(0.0, side * block.y, spec.pad_offset_z - pad.z - block.z);
-        vec![
-            Part::new(Shape::Cuboid { half_extents: pad }, Pose3::from_translation(center), PAD_RGB),
-            Part::new(Shape::Cuboid { half_extents: block }, Pose3::from_translation(behind), FINGER_RGB),
-        ]
+    spec.fingers(0.0).map(|finger| {
+        let part = |shape: &GripperBox, rgb| Part::new(Shape::Cuboid { half_extents: shape.half_extents }, shape.pose(), rgb);
+        vec![part(&finger.pad, PAD_RGB), part(&finger.body, FINGER_RGB)]
     })
 }
 

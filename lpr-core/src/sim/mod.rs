@@ -5,7 +5,9 @@ mod contact;
 mod gripper;
 mod params;
 mod physics;
+pub mod render;
 mod scene_spec;
+pub mod tasks;
 mod world;
 
 pub use params::SimParams;

@@ -18,6 +18,27 @@ pub struct SceneSpec {
     pub success: Vec<Condition>,
 }
 
+impl SceneSpec {
+    /// Moves everything from the task frame to the world. Upright zones stay upright: `world_from_task` is a yaw and a shift.
+    pub(super) fn place(&mut self, world_from_task: &Pose3) {
+        for body in &mut self.bodies {
+            body.pose = *world_from_task * body.pose;
+        }
+        for joint in &mut self.joints {
+            joint.anchor = world_from_task.transform_point(joint.anchor);
+            joint.axis = world_from_task.transform_vector(joint.axis);
+        }
+        for condition in &mut self.success {
+            if let Condition::BodyInZone { zone, .. } | Condition::GripInZone { zone } = condition {
+                match zone {
+                    Zone::Cuboid { pose, .. } => *pose = *world_from_task * *pose,
+                    Zone::Cylinder { center, .. } => *center = world_from_task.transform_point(*center),
+                }
+            }
+        }
+    }
+}
+
 /// A rigid body.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

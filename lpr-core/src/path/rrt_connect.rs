@@ -1,0 +1,271 @@
+//! `RRTConnect`: two trees in joint space that grow towards each other.
+//!
+//! "RRT-Connect: An efficient approach to single-query path planning" (ICRA 2000), with the balanced choice of the tree to grow.
+//! Deterministic for a generator.
+//!
+//! # Differences from the original
+//!
+//! - The straight motion is tried before any sampling.
+//! - A joint that turns further than once is sampled within half a turn of the start and the goals: a shortest path winds no
+//!   further.
+
+use super::{JointPath, Rejection};
+use crate::rng::Rng;
+use crate::robot::{DOF, JointConfig, Robot};
+use crate::scene::MotionChecker;
+use core::f32::consts::PI;
+use rand::RngExt as _;
+use serde::{Deserialize, Serialize};
+
+/// Numbers of [`rrt_connect`].
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RrtSettings {
+    /// Longest edge, radians of joint-space distance.
+    pub range: f32,
+    /// Configurations checked for each radian of an edge.
+    pub checks_per_radian: f32,
+    /// Samples before the planner gives up.
+    pub max_iterations: u32,
+}
+
+/// A path found, and what it took.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// A free path, not yet shortened.
+    pub path: JointPath,
+    /// Samples drawn; 0 when the straight motion is free.
+    pub iterations: u32,
+}
+
+/// A free path from `start` to any of `goals`.
+///
+/// # Errors
+///
+/// A [`Rejection`]: no goals, ends that collide, or no path within the iterations.
+pub fn rrt_connect(
+    robot: &Robot,
+    checker: &MotionChecker<'_>,
+    start: &JointConfig,
+    goals: &[JointConfig],
+    settings: &RrtSettings,
+    rng: &mut Rng,
+) -> Result<Plan, Rejection> {
+    if goals.is_empty() {
+        return Err(Rejection::Unreachable);
+    }
+    if !checker.is_free(start) {
+        return Err(Rejection::StartCollides);
+    }
+    let goals: Vec<JointConfig> = goals.iter().copied().filter(|goal| checker.is_free(goal)).collect();
+    if goals.is_empty() {
+        return Err(Rejection::GoalCollides);
+    }
+    if let Some(goal) = goals.iter().find(|goal| checker.motion_is_free(start, goal)) {
+        return Ok(Plan { path: JointPath(vec![*start, *goal]), iterations: 0 });
+    }
+    let bounds = sampling_bounds(robot, start, &goals);
+    let (mut grown, mut other) = (Tree::new(Root::Start, &[*start]), Tree::new(Root::Goal, &goals));
+    for iteration in 1..=settings.max_iterations {
+        if grown.configs.len() > other.configs.len() {
+            core::mem::swap(&mut grown, &mut other);
+        }
+        let sample = JointConfig(bounds.map(|(lower, upper)| lower + (upper - lower) * rng.random::<f32>()));
+        if let Some(leaf) = grown.extend(&sample, checker, settings.range)
+            && let Some(meeting) = other.connect(&grown.configs[leaf], checker, settings.range)
+        {
+            return Ok(Plan { path: join(&grown, leaf, &other, meeting), iterations: iteration });
+        }
+    }
+    Err(Rejection::IterationLimit)
+}
+
+/// Range of every joint that is sampled.
+fn sampling_bounds(robot: &Robot, start: &JointConfig, goals: &[JointConfig]) -> [(f32, f32); DOF] {
+    core::array::from_fn(|j| {
+        let (low, high) = goals.iter().fold((start[j], start[j]), |(low, high), goal| (goal[j].min(low), goal[j].max(high)));
+        (robot.joints[j].lower.max(low - PI), robot.joints[j].upper.min(high + PI))
+    })
+}
+
+/// The path from the start to a goal through a leaf of one tree and the vertex of the other where they met.
+fn join(grown: &Tree, leaf: usize, other: &Tree, meeting: usize) -> JointPath {
+    // The meeting vertex is the leaf itself.
+    let mut configs = grown.to_root(leaf);
+    configs.reverse();
+    configs.extend(other.to_root(meeting).into_iter().skip(1));
+    if grown.root == Root::Goal {
+        configs.reverse();
+    }
+    JointPath(configs)
+}
+
+/// What a tree grows from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Root {
+    Start,
+    Goal,
+}
+
+/// A tree, or several with one root each.
+struct Tree {
+    root: Root,
+    configs: Vec<JointConfig>,
+    /// Index of every vertex's parent; roots are their own.
+    parents: Vec<usize>,
+}
+
+impl Tree {
+    fn new(root: Root, roots: &[JointConfig]) -> Self {
+        Self { root, configs: roots.to_vec(), parents: (0..roots.len()).collect() }
+    }
+
+    /// One edge of at most `range` towards `target`, if it is free: the new vertex.
+    fn extend(&mut self, target: &JointConfig, checker: &MotionChecker<'_>, range: f32) -> Option<usize> {
+        let from = self.nearest(target);
+        self.step(from, target, checker, range)
+    }
+
+    /// Edges up to `target` itself, as long as they are free: the vertex there.
+    fn connect(&mut self, target: &JointConfig, checker: &MotionChecker<'_>, range: f32) -> Option<usize> {
+        let mut at = self.nearest(target);
+        while self.configs[at] != *target {
+            at = self.step(at, target, checker, range)?;
+        }
+        Some(at)
+    }
+
+    fn step(&mut self, from: usize, target: &JointConfig, checker: &MotionChecker<'_>, range: f32) -> Option<usize> {
+        let start = self.configs[from];
+        let distance = start.distance(target);
+        let end = if distance > range { start.lerp(target, range / distance) } else { *target };
+        if !checker.motion_is_free(&start, &end) {
+            return None;
+        }
+        self.configs.push(end);
+        self.parents.push(from);
+        Some(self.configs.len() - 1)
+    }
+
+    fn nearest(&self, target: &JointConfig) -> usize {
+        let mut best = (0, f32::INFINITY);
+        for (idx, config) in self.configs.iter().enumerate() {
+            let squares: f32 = config.iter().zip(target.iter()).map(|(a, b)| (a - b) * (a - b)).sum();
+            if squares < best.1 {
+                best = (idx, squares);
+            }
+        }
+        best.0
+    }
+
+    /// Configurations from a vertex to its root.
+    fn to_root(&self, mut vertex: usize) -> Vec<JointConfig> {
+        let mut configs = vec![self.configs[vertex]];
+        while self.parents[vertex] != vertex {
+            vertex = self.parents[vertex];
+            configs.push(self.configs[vertex]);
+        }
+        configs
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::path::shortcut;
+    use crate::rng::{Stream, stream};
+    use crate::scene::stick_arm::{is_free_by_brute_force, stick_arm};
+    use crate::scene::{ArmSpheres, Primitive, Scene};
+    use glamx::{Pose3, Vec3};
+
+    const SETTINGS: RrtSettings = RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 2000 };
+
+    /// What may be missed between two checks 1/32 rad apart at the arm's reach, metres.
+    const MISSED: f32 = 0.015;
+
+    /// The start turned by `turn` about the base's axis.
+    fn turned(turn: f32) -> JointConfig {
+        JointConfig(core::array::from_fn(|j| if j == 0 { turn } else { stick_arm().start[j] }))
+    }
+
+    /// A wall ahead of the arm with a window that is too low for its posture at the start.
+    fn wall_with_window() -> Scene {
+        let block = |center: Vec3, half_extents: Vec3| Primitive::Cuboid {
+            world_from_box: Pose3::from_translation(center),
+            half_extents,
+        };
+        Scene::from_primitives(vec![
+            block(Vec3::new(0.6, 0.0, 1.05), Vec3::new(0.4, 0.02, 0.45)),
+            block(Vec3::new(0.45, 0.0, 0.05), Vec3::new(0.25, 0.02, 0.05)),
+            block(Vec3::new(0.25, 0.0, 0.3), Vec3::new(0.05, 0.02, 0.3)),
+            block(Vec3::new(0.95, 0.0, 0.3), Vec3::new(0.05, 0.02, 0.3)),
+        ])
+    }
+
+    fn is_free_densely(robot: &Robot, scene: &Scene, path: &JointPath) -> bool {
+        path.configs().windows(2).all(|pair| {
+            let n = f32::ceil(pair[0].distance(&pair[1]) * 128.0).max(1.0) as u16;
+            (0..=n).all(|i| is_free_by_brute_force(robot, scene, &pair[0].lerp(&pair[1], f32::from(i) / f32::from(n)), -MISSED))
+        })
+    }
+
+    #[test]
+    fn paths_through_a_narrow_window_are_free_within_limits_and_no_longer_after_shortcuts() {
+        let robot = stick_arm();
+        let (scene, arm) = (wall_with_window(), ArmSpheres::new(&robot));
+        let (start, goal) = (turned(-0.7), turned(0.7));
+        for seed in 0..5 {
+            let checker = MotionChecker::new(&scene, &arm, SETTINGS.checks_per_radian);
+            let plan = rrt_connect(&robot, &checker, &start, &[goal], &SETTINGS, &mut stream(seed, Stream::Planner, 0)).unwrap();
+            assert!(plan.iterations > 0, "the wall stands in the straight way");
+            let short = shortcut(&plan.path, &checker);
+            for path in [&plan.path, &short] {
+                assert_eq!((*path.start(), *path.goal()), (start, goal));
+                assert!(path.configs().iter().all(|config| robot.within_limits(config)));
+                assert!(is_free_densely(&robot, &scene, path));
+            }
+            assert!(plan.path.configs().windows(2).all(|pair| pair[0].distance(&pair[1]) < SETTINGS.range + 1e-4));
+            assert!(short.length() <= plan.path.length() + 1e-5);
+        }
+    }
+
+    #[test]
+    fn a_seed_gives_one_path_and_another_seed_another() {
+        let robot = stick_arm();
+        let (scene, arm) = (wall_with_window(), ArmSpheres::new(&robot));
+        let checker = MotionChecker::new(&scene, &arm, SETTINGS.checks_per_radian);
+        let plan = |seed| {
+            let rng = &mut stream(seed, Stream::Planner, 0);
+            rrt_connect(&robot, &checker, &turned(-0.7), &[turned(0.7)], &SETTINGS, rng).unwrap()
+        };
+        assert_eq!(plan(1), plan(1));
+        assert_ne!(plan(1), plan(2));
+    }
+
+    #[test]
+    fn a_straight_way_is_taken_without_samples_and_to_the_first_goal_it_reaches() {
+        let robot = stick_arm();
+        let (scene, arm) = (wall_with_window(), ArmSpheres::new(&robot));
+        let checker = MotionChecker::new(&scene, &arm, SETTINGS.checks_per_radian);
+        let rng = &mut stream(0, Stream::Planner, 0);
+        let goals = [turned(0.7), turned(-1.2)];
+        let plan = rrt_connect(&robot, &checker, &turned(-0.7), &goals, &SETTINGS, rng).unwrap();
+        assert_eq!(plan, Plan { path: JointPath(vec![turned(-0.7), turned(-1.2)]), iterations: 0 });
+    }
+
+    #[test]
+    fn failures_have_their_reasons() {
+        let robot = stick_arm();
+        let arm = ArmSpheres::new(&robot);
+        let scene = wall_with_window();
+        let checker = MotionChecker::new(&scene, &arm, SETTINGS.checks_per_radian);
+        let plan = |start, goals: &[JointConfig], max_iterations| {
+            let settings = RrtSettings { max_iterations, ..SETTINGS };
+            rrt_connect(&robot, &checker, &start, goals, &settings, &mut stream(0, Stream::Planner, 0))
+        };
+        assert_eq!(plan(turned(0.0), &[turned(0.7)], 10), Err(Rejection::StartCollides));
+        assert_eq!(plan(turned(-0.7), &[turned(0.0)], 10), Err(Rejection::GoalCollides));
+        assert_eq!(plan(turned(-0.7), &[turned(0.7)], 0), Err(Rejection::IterationLimit));
+        assert_eq!(plan(turned(-0.7), &[], 10), Err(Rejection::Unreachable));
+    }
+}

@@ -1,0 +1,138 @@
+//! The value network and the tensors that it reads.
+
+use super::{Critics, RankedPath, RankerInput, RankerSample, RankerSettings};
+use crate::error::{Error, Result};
+use crate::nn::{GOAL_FEATURES, JointScale, Mlp, Spread, goal_features, tensor, values};
+use crate::rng::Rng;
+use crate::robot::DOF;
+
+use burn::module::Module;
+use burn::tensor::activation::relu;
+use burn::tensor::{Device, Tensor};
+
+/// Numbers of the context: start and goal configuration, next-best pose, collides, gripper open, time.
+const CONTEXT_FEATURES: usize = 2 * DOF + GOAL_FEATURES + 3;
+
+/// One value network.
+#[derive(Module, Debug)]
+pub(super) struct Critic {
+    encoder: Mlp,
+    head: Mlp,
+}
+
+impl Critic {
+    pub(super) fn new(settings: &RankerSettings, device: &Device, rng: &mut Rng) -> Self {
+        let encoder_widths: Vec<_> = [DOF].into_iter().chain(settings.config_widths.iter().copied()).collect();
+        let pooled = encoder_widths[encoder_widths.len() - 1];
+        let n_context = match settings.input {
+            RankerInput::Joints => 0,
+            RankerInput::Context => CONTEXT_FEATURES,
+        };
+        let head_widths: Vec<_> =
+            [pooled + n_context].into_iter().chain(settings.head_widths.iter().copied()).chain([1]).collect();
+        Self {
+            encoder: Mlp::new(&encoder_widths, Spread::Kaiming { slope: 0.0 }, device, rng),
+            head: Mlp::new(&head_widths, Spread::Xavier, device, rng),
+        }
+    }
+
+    /// # Shapes
+    ///
+    /// - output: `[B]`
+    pub(super) fn forward(&self, input: &PathTensors) -> Tensor<1> {
+        let [n_paths, path_len] = input.dims;
+        let features = self.encoder.forward(input.configs.clone());
+        let width = features.dims()[1];
+        // ReLU after the maximum instead of before: the same values and gradients on 1/T of the numbers.
+        let pooled = relu(features.reshape([n_paths, path_len, width]).max_dim(1).reshape([n_paths, width]));
+        let pooled = match &input.context {
+            Some(context) => Tensor::cat(vec![pooled, context.clone()], 1),
+            None => pooled,
+        };
+        self.head.forward(pooled).reshape([n_paths])
+    }
+}
+
+/// One or two value networks.
+#[derive(Module, Debug)]
+pub(super) struct RankerNetwork {
+    pub(super) critics: Vec<Critic>,
+}
+
+impl RankerNetwork {
+    pub(super) fn new(settings: &RankerSettings, device: &Device, rng: &mut Rng) -> Self {
+        let n_critics = match settings.critics {
+            Critics::Single => 1,
+            Critics::Twin => 2,
+        };
+        Self { critics: (0..n_critics).map(|_| Critic::new(settings, device, rng)).collect() }
+    }
+
+    /// Values per critic, each per path.
+    pub(super) fn forward(&self, input: &PathTensors) -> Vec<Vec<f32>> {
+        self.critics.iter().map(|critic| values(critic.forward(input))).collect()
+    }
+}
+
+/// A batch of paths as tensors.
+#[derive(Debug)]
+pub(super) struct PathTensors {
+    /// `[B * T, J]`, scaled joint angles.
+    configs: Tensor<2>,
+    /// `[B, CONTEXT_FEATURES]`.
+    context: Option<Tensor<2>>,
+    /// `B` and `T`.
+    dims: [usize; 2],
+}
+
+/// How paths become tensors.
+#[derive(Debug)]
+pub(super) struct Encoding {
+    pub(super) input: RankerInput,
+    pub(super) joint_scale: JointScale,
+}
+
+impl Encoding {
+    /// # Errors
+    ///
+    /// [`Error::Shape`] without samples, or when their paths differ in length.
+    pub(super) fn encode(&self, samples: &[RankerSample<'_>], device: &Device) -> Result<PathTensors> {
+        let Some(first) = samples.first() else {
+            return Err(shape_error("at least one path".to_owned(), "none".to_owned()));
+        };
+        let path_len = first.path.path.configs().len();
+        let mut configs = Vec::with_capacity(samples.len() * path_len * DOF);
+        for sample in samples {
+            let found = sample.path.path.configs();
+            if found.len() != path_len {
+                return Err(shape_error(format!("[{path_len}, {DOF}]"), format!("[{}, {DOF}]", found.len())));
+            }
+            configs.extend(found.iter().flat_map(|config| self.joint_scale.apply(config)));
+        }
+        let dims = [samples.len(), path_len];
+        let context = match self.input {
+            RankerInput::Joints => None,
+            RankerInput::Context => {
+                let features = samples.iter().flat_map(|sample| self.context_features(sample)).collect();
+                Some(tensor(features, [samples.len(), CONTEXT_FEATURES], device))
+            }
+        };
+        Ok(PathTensors { configs: tensor(configs, [dims[0] * dims[1], DOF], device), context, dims })
+    }
+
+    fn context_features(&self, sample: &RankerSample<'_>) -> [f32; CONTEXT_FEATURES] {
+        let RankedPath { path, collides } = sample.path;
+        let context = sample.context;
+        let mut features = [0.0; CONTEXT_FEATURES];
+        let (configs, rest) = features.split_at_mut(2 * DOF);
+        configs[..DOF].copy_from_slice(&self.joint_scale.apply(path.start()));
+        configs[DOF..].copy_from_slice(&self.joint_scale.apply(path.goal()));
+        rest[..GOAL_FEATURES].copy_from_slice(&goal_features(&context.goal));
+        rest[GOAL_FEATURES..].copy_from_slice(&[f32::from(u8::from(*collides)), context.gripper_open, context.time]);
+        features
+    }
+}
+
+fn shape_error(expected: String, found: String) -> Error {
+    Error::Shape { what: "path for the ranker", expected, found }
+}

@@ -1,0 +1,113 @@
+//! Checks of straight joint-space motions.
+
+use super::{ArmSpheres, Scene};
+use crate::robot::JointConfig;
+use core::cell::Cell;
+
+/// Checks motions of one arm in one scene at a fixed resolution, and counts the configurations it looked at.
+#[derive(Debug)]
+pub struct MotionChecker<'a> {
+    scene: &'a Scene,
+    arm: &'a ArmSpheres,
+    /// Configurations per radian of joint-space distance.
+    checks_per_radian: f32,
+    n_checks: Cell<u64>,
+}
+
+impl<'a> MotionChecker<'a> {
+    /// A checker that looks at `checks_per_radian` configurations for each radian of joint-space distance.
+    #[must_use]
+    pub const fn new(scene: &'a Scene, arm: &'a ArmSpheres, checks_per_radian: f32) -> Self {
+        Self { scene, arm, checks_per_radian, n_checks: Cell::new(0) }
+    }
+
+    /// Configurations looked at so far.
+    #[must_use]
+    pub const fn n_checks(&self) -> u64 {
+        self.n_checks.get()
+    }
+
+    /// Whether the arm is free at `config`.
+    #[must_use]
+    pub fn is_free(&self, config: &JointConfig) -> bool {
+        self.n_checks.set(self.n_checks.get() + 1);
+        self.scene.is_free(self.arm, config)
+    }
+
+    /// Whether the straight motion from `a`, which is not looked at, to `b` is free.
+    ///
+    /// The end comes first, then halves, quarters and so on: a collision anywhere on the way shows early.
+    #[must_use]
+    pub fn motion_is_free(&self, a: &JointConfig, b: &JointConfig) -> bool {
+        if !self.is_free(b) {
+            return false;
+        }
+        let n = libm::ceilf(a.distance(b) * self.checks_per_radian).max(1.0) as usize;
+        let mut stride = n.next_power_of_two() / 2;
+        while stride > 0 {
+            for i in (stride..n).step_by(2 * stride) {
+                if !self.is_free(&a.lerp(b, i as f32 / n as f32)) {
+                    return false;
+                }
+            }
+            stride /= 2;
+        }
+        true
+    }
+
+    /// Whether the path through `configs` is free, its first configuration included.
+    #[must_use]
+    pub fn path_is_free(&self, configs: &[JointConfig]) -> bool {
+        configs.first().is_none_or(|start| self.is_free(start))
+            && configs.windows(2).all(|pair| self.motion_is_free(&pair[0], &pair[1]))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::Primitive;
+    use crate::scene::stick_arm::stick_arm;
+    use glamx::Vec3;
+
+    #[test]
+    fn a_free_motion_is_looked_at_once_at_every_step_but_its_start() {
+        let (scene, arm) = (Scene::empty(), ArmSpheres::new(&stick_arm()));
+        for n in 1..70_u8 {
+            let checker = MotionChecker::new(&scene, &arm, 10.0);
+            let mut end = stick_arm().start;
+            end[0] += (f32::from(n) - 0.5) / 10.0 / 3.0;
+            let checks = f32::ceil(stick_arm().start.distance(&end) * 10.0) as u64;
+            assert!(checker.motion_is_free(&stick_arm().start, &end));
+            assert_eq!(checker.n_checks(), checks.max(1));
+        }
+    }
+
+    #[test]
+    fn a_post_anywhere_on_the_way_of_a_turning_arm_is_found() {
+        let robot = stick_arm();
+        let arm = ArmSpheres::new(&robot);
+        let at = |turn: f32| JointConfig(core::array::from_fn(|j| if j == 0 { turn } else { robot.start[j] }));
+        let reach = robot.grip(&robot.start).translation;
+        for i in 0..40_u8 {
+            let angle = -1.0 + 0.05 * f32::from(i);
+            let base = Vec3::new(reach.x * angle.cos(), reach.x * angle.sin(), 0.0);
+            let scene = Scene::from_primitives(vec![Primitive::Capsule { a: base, b: base + Vec3::Z, radius: 0.01 }]);
+            let checker = MotionChecker::new(&scene, &arm, 32.0);
+            assert!(!checker.motion_is_free(&at(-1.2), &at(1.2)), "post at {angle}");
+            assert!(!checker.path_is_free(&[at(-1.2), at(1.2)]), "post at {angle}");
+        }
+    }
+
+    #[test]
+    fn a_path_that_starts_in_an_obstacle_is_not_free() {
+        let robot = stick_arm();
+        let arm = ArmSpheres::new(&robot);
+        let scene = Scene::from_points(&[robot.grip(&robot.start).translation], 0.1);
+        let mut away = robot.start;
+        away[0] += 1.0;
+        let checker = MotionChecker::new(&scene, &arm, 32.0);
+        assert!(!checker.path_is_free(&[robot.start, away]));
+        assert!(checker.path_is_free(&[away, away]));
+    }
+}

@@ -1,0 +1,185 @@
+//! The obstacle cloud: what the cameras saw, minus the robot itself, minus what it holds, with the contact rule.
+//!
+//! No simulator state enters, so the same function serves a real camera. Depth on the table is an obstacle like any other.
+
+use super::{ArmSpheres, PointCloud, Scene, downsample};
+use crate::robot::{HAND, JointConfig, Robot, Sphere};
+use glamx::{Pose3, Vec3};
+
+/// One point of the camera's cloud is kept per cube of this side, metres: finer detail than the spheres resolve.
+pub const VOXEL: f32 = 0.01;
+
+/// Radius of the ball around every kept point, metres: half a voxel's diagonal and the spacing of a 128 × 128 image at 1 m.
+pub const POINT_RADIUS: f32 = 0.01;
+
+/// Points this close to the robot's spheres at the measured configuration are the robot itself, metres.
+///
+/// It covers the error of depth and calibration, fingers that are not as far open as modelled, and [`POINT_RADIUS`].
+pub const SELF_FILTER_INFLATION: f32 = 0.025;
+
+/// Contact rule: points this close to the gripper at the start or the goal are no obstacles for the gripper, metres.
+pub const CONTACT_DISTANCE: f32 = 0.02;
+
+/// Corners, in the grip frame, of the box whose points are taken for the held object, metres.
+///
+/// It reaches 2 cm beyond the grip along the approach, so that a table under a small object stays an obstacle elsewhere.
+pub const HELD_BOX: [Vec3; 2] = [Vec3::new(-0.08, -0.08, -0.08), Vec3::new(0.08, 0.08, 0.02)];
+
+/// Distance from the flange to the furthest point of the hand, with fingers and some room, metres.
+const HAND_LENGTH: f32 = 0.25;
+
+/// Whether the gripper holds something.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Holding {
+    /// The gripper is empty.
+    Nothing,
+    /// The gripper closed on something.
+    Object,
+}
+
+/// What the arm knows of itself when it looks at a cloud.
+#[derive(Debug, Clone, Copy)]
+pub struct ObstacleQuery<'a> {
+    /// The arm.
+    pub robot: &'a Robot,
+    /// Its measured configuration when the cloud was taken.
+    pub measured: &'a JointConfig,
+    /// `world_from_grip` where it goes next, for the contact rule.
+    pub goal: Option<&'a Pose3>,
+    /// Whether it holds something.
+    pub holding: Holding,
+}
+
+/// The scene that a cloud of `points` (world frame, metres) makes.
+///
+/// Dropped: points that are not finite or beyond the arm's reach, the robot itself, and the held object. Points within
+/// [`CONTACT_DISTANCE`] of the gripper at the start or the goal stay obstacles for links 1–7 only.
+#[must_use]
+pub fn obstacle_scene(query: &ObstacleQuery<'_>, points: &[Vec3]) -> Scene {
+    let arm = ArmSpheres::new(query.robot);
+    let reach = reach(query.robot);
+    let itself = Balls::new(arm.spheres_at(query.measured).map(|(_, sphere)| sphere), SELF_FILTER_INFLATION);
+    let world_from_grip = query.robot.grip(query.measured);
+    let in_reach: Vec<Vec3> =
+        points.iter().copied().filter(|point| (*point - reach.center).length_squared() <= reach.radius * reach.radius).collect();
+    let arm_points: Vec<Vec3> = downsample(&in_reach, VOXEL)
+        .into_iter()
+        .filter(|point| !itself.hold(*point))
+        .filter(|point| query.holding == Holding::Nothing || !is_held(&world_from_grip, *point))
+        .collect();
+    let contact = gripper_in_contact(query, &arm);
+    let hand_points: Vec<Vec3> = arm_points.iter().copied().filter(|point| !contact.hold(*point)).collect();
+    Scene {
+        arm_points: PointCloud::new(&arm_points, POINT_RADIUS),
+        hand_points: PointCloud::new(&hand_points, POINT_RADIUS),
+        ..Scene::empty()
+    }
+}
+
+/// A ball around the shoulder that the arm with its hand cannot leave.
+fn reach(robot: &Robot) -> Sphere {
+    let beyond_shoulder: f64 = robot.joints[2..].iter().map(|joint| libm::sqrt(joint.a * joint.a + joint.d * joint.d)).sum();
+    let flange = robot.link7_from_flange.translation.length();
+    let radius = (beyond_shoulder + flange) as f32 + HAND_LENGTH;
+    Sphere { center: Vec3::new(0.0, 0.0, robot.joints[0].d as f32), radius }
+}
+
+fn is_held(world_from_grip: &Pose3, point: Vec3) -> bool {
+    let in_grip = world_from_grip.inverse_transform_point(point);
+    in_grip.cmpge(HELD_BOX[0]).all() && in_grip.cmple(HELD_BOX[1]).all()
+}
+
+/// The gripper at the measured configuration and at the goal, inflated by [`CONTACT_DISTANCE`].
+fn gripper_in_contact(query: &ObstacleQuery<'_>, arm: &ArmSpheres) -> Balls {
+    let start = arm.spheres_at(query.measured).filter(|(link, _)| *link == HAND).map(|(_, sphere)| sphere);
+    let grip_from_flange = Pose3::from(query.robot.flange_from_grip.inverse());
+    let goal = query.goal.into_iter().flat_map(|world_from_grip| {
+        let world_from_flange = *world_from_grip * grip_from_flange;
+        let hand = query.robot.spheres[HAND].iter();
+        hand.map(move |sphere| Sphere { center: world_from_flange * sphere.center, radius: sphere.radius })
+    });
+    Balls::new(start.chain(goal), CONTACT_DISTANCE)
+}
+
+/// Balls and the box around them.
+struct Balls {
+    balls: Vec<Sphere>,
+    low: Vec3,
+    high: Vec3,
+}
+
+impl Balls {
+    /// The `spheres`, each grown by `inflation` (metres).
+    fn new(spheres: impl Iterator<Item = Sphere>, inflation: f32) -> Self {
+        let balls: Vec<Sphere> = spheres.map(|ball| Sphere { radius: ball.radius + inflation, ..ball }).collect();
+        let low = balls.iter().fold(Vec3::splat(f32::INFINITY), |low, ball| low.min(ball.center - ball.radius));
+        let high = balls.iter().fold(Vec3::splat(f32::NEG_INFINITY), |high, ball| high.max(ball.center + ball.radius));
+        Self { balls, low, high }
+    }
+
+    fn hold(&self, point: Vec3) -> bool {
+        point.cmpge(self.low).all()
+            && point.cmple(self.high).all()
+            && self.balls.iter().any(|ball| (point - ball.center).length_squared() <= ball.radius * ball.radius)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::stick_arm::stick_arm;
+
+    /// A table with a box, seen without noise, and the arm itself.
+    fn view(robot: &Robot) -> Vec<Vec3> {
+        let grid = |n: u16, at: f32| f32::from(n) * 0.02 + at;
+        let table = (0..60).flat_map(|x| (0..60).map(move |y| Vec3::new(grid(x, -0.3), grid(y, -0.6), 0.0)));
+        let arm = ArmSpheres::new(robot);
+        let skin = arm.spheres_at(&robot.start).flat_map(|(_, sphere)| {
+            [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y].map(|side| sphere.center + sphere.radius * side)
+        });
+        table.chain(skin.collect::<Vec<_>>()).chain([Vec3::NAN, Vec3::new(9.0, 0.0, 0.5)]).collect()
+    }
+
+    fn query<'a>(robot: &'a Robot, goal: Option<&'a Pose3>, holding: Holding) -> ObstacleQuery<'a> {
+        ObstacleQuery { robot, measured: &robot.start, goal, holding }
+    }
+
+    #[test]
+    fn the_arm_is_free_in_a_cloud_of_itself_and_the_table_stays() {
+        let robot = stick_arm();
+        let scene = obstacle_scene(&query(&robot, None, Holding::Nothing), &view(&robot));
+        assert!(scene.is_free(&ArmSpheres::new(&robot), &robot.start));
+        for point in scene.arm_points.points() {
+            assert!(point.is_finite() && point.z == 0.0, "only the table is left, found {point}");
+        }
+        assert!(scene.arm_points.touches(Vec3::new(0.5, 0.3, 0.05), 0.06));
+        assert!(scene.hand_points.touches(Vec3::new(0.5, 0.3, 0.05), 0.06));
+    }
+
+    #[test]
+    fn the_gripper_may_touch_what_it_reaches_for_and_the_arm_may_not() {
+        let robot = stick_arm();
+        let mut lowered = robot.grip(&robot.start);
+        lowered.translation.z = 0.01;
+        let scene = obstacle_scene(&query(&robot, Some(&lowered), Holding::Nothing), &view(&robot));
+        let finger = lowered * Vec3::new(0.0, 0.05, 0.0);
+        assert!(!scene.hand_points.touches(finger, 0.01));
+        assert!(scene.arm_points.touches(finger, 0.01));
+        assert!(scene.hand_points.touches(finger + Vec3::new(0.1, 0.0, 0.0), 0.02), "the table elsewhere");
+        let goal = robot.ik_nearest(&lowered, &robot.start).unwrap();
+        assert!(scene.is_free(&ArmSpheres::new(&robot), &goal));
+        let strict = obstacle_scene(&query(&robot, None, Holding::Nothing), &view(&robot));
+        assert!(!strict.is_free(&ArmSpheres::new(&robot), &goal));
+    }
+
+    #[test]
+    fn what_the_gripper_holds_is_no_obstacle() {
+        let robot = stick_arm();
+        // Out of the self-filter, in the box.
+        let held = robot.grip(&robot.start) * Vec3::new(0.07, 0.0, 0.0);
+        let below = robot.grip(&robot.start) * Vec3::new(0.07, 0.0, 0.05);
+        let left = |holding| obstacle_scene(&query(&robot, None, holding), &[held, below]).arm_points.points().to_vec();
+        assert_eq!(left(Holding::Object), [below]);
+        assert_eq!(left(Holding::Nothing).len(), 2);
+    }
+}

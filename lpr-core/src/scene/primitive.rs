@@ -1,0 +1,144 @@
+//! Primitive obstacles and the distance of a point to them.
+
+use super::Shape;
+use glamx::{Pose3, Vec3};
+
+/// A solid obstacle in the world frame. Lengths in metres.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Primitive {
+    /// All points within `radius` of `center`.
+    Sphere {
+        /// Centre.
+        center: Vec3,
+        /// Radius.
+        radius: f32,
+    },
+    /// An oriented box.
+    Cuboid {
+        /// Pose of the box, whose origin is its centre.
+        world_from_box: Pose3,
+        /// Half the side lengths along its axes.
+        half_extents: Vec3,
+    },
+    /// All points within `radius` of the segment from `a` to `b`.
+    Capsule {
+        /// One end of the axis.
+        a: Vec3,
+        /// The other end.
+        b: Vec3,
+        /// Radius.
+        radius: f32,
+    },
+    /// A cylinder with flat ends along its own z.
+    Cylinder {
+        /// Pose of the cylinder, whose origin is its centre.
+        world_from_cylinder: Pose3,
+        /// Radius.
+        radius: f32,
+        /// Half the length along z.
+        half_length: f32,
+    },
+}
+
+impl Primitive {
+    /// The obstacle that `shape` makes at `world_from_shape`; a convex hull becomes the box around its points.
+    #[must_use]
+    pub fn new(shape: &Shape, world_from_shape: &Pose3) -> Self {
+        match shape {
+            Shape::Sphere { radius } => Self::Sphere { center: world_from_shape.translation, radius: *radius },
+            Shape::Cuboid { half_extents } => Self::Cuboid { world_from_box: *world_from_shape, half_extents: *half_extents },
+            Shape::Cylinder { radius, half_length } => {
+                Self::Cylinder { world_from_cylinder: *world_from_shape, radius: *radius, half_length: *half_length }
+            }
+            Shape::Capsule { radius, half_length } => {
+                let end = *half_length * Vec3::Z;
+                Self::Capsule { a: *world_from_shape * -end, b: *world_from_shape * end, radius: *radius }
+            }
+            Shape::Convex { points } => box_around(points, world_from_shape),
+        }
+    }
+
+    /// Distance from `point` to the solid, metres; 0 inside.
+    #[must_use]
+    pub fn distance(&self, point: Vec3) -> f32 {
+        match self {
+            Self::Sphere { center, radius } => (length(point - *center) - radius).max(0.0),
+            Self::Cuboid { world_from_box, half_extents } => {
+                let local = world_from_box.inverse_transform_point(point);
+                length((local.abs() - *half_extents).max(Vec3::ZERO))
+            }
+            Self::Capsule { a, b, radius } => (length(from_segment(point, *a, *b)) - radius).max(0.0),
+            Self::Cylinder { world_from_cylinder, radius, half_length } => {
+                let local = world_from_cylinder.inverse_transform_point(point);
+                let radial = (libm::sqrtf(local.x * local.x + local.y * local.y) - radius).max(0.0);
+                let axial = (local.z.abs() - half_length).max(0.0);
+                libm::sqrtf(radial * radial + axial * axial)
+            }
+        }
+    }
+}
+
+/// The box along the shape's axes around `points`.
+fn box_around(points: &[Vec3], world_from_shape: &Pose3) -> Primitive {
+    let first = points.first().copied().unwrap_or(Vec3::ZERO);
+    let low = points.iter().fold(first, |low, point| low.min(*point));
+    let high = points.iter().fold(first, |high, point| high.max(*point));
+    let world_from_box = Pose3::from_parts(*world_from_shape * (0.5 * (low + high)), world_from_shape.rotation);
+    Primitive::Cuboid { world_from_box, half_extents: 0.5 * (high - low) }
+}
+
+/// Euclidean norm through `libm`, so that wasm agrees.
+pub(super) fn length(v: Vec3) -> f32 {
+    libm::sqrtf(v.dot(v))
+}
+
+/// Offset of `point` from the nearest point of the segment from `a` to `b`, metres.
+pub(super) fn from_segment(point: Vec3, a: Vec3, b: Vec3) -> Vec3 {
+    let axis = b - a;
+    let along = (point - a).dot(axis) / axis.dot(axis).max(f32::MIN_POSITIVE);
+    point - a - along.clamp(0.0, 1.0) * axis
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glamx::Quat;
+    use parry3d::query::PointQuery as _;
+    use parry3d::shape::{Ball, Capsule, Cuboid, Cylinder};
+    use proptest::prelude::*;
+
+    fn vec3(range: core::ops::Range<f32>) -> impl Strategy<Value = Vec3> {
+        [range.clone(), range.clone(), range].prop_map(Vec3::from_array)
+    }
+
+    fn pose() -> impl Strategy<Value = Pose3> {
+        (vec3(-1.0..1.0), vec3(-3.0..3.0)).prop_map(|(at, turn)| Pose3::from_parts(at, Quat::from_scaled_axis(turn)))
+    }
+
+    proptest! {
+        /// parry3d is the reference; its cylinder and capsule lie along y.
+        #[test]
+        fn distances_agree_with_parry(pose in pose(), sizes in vec3(0.02..0.5), point in vec3(-1.5..1.5)) {
+            let upright = pose * Pose3::from_rotation(Quat::from_rotation_x(core::f32::consts::FRAC_PI_2));
+            let Vec3 { x: radius, z: half_length, .. } = sizes;
+            let expected = [
+                (Shape::Sphere { radius }, Ball::new(radius).distance_to_point(&pose, point, true)),
+                (Shape::Cuboid { half_extents: sizes }, Cuboid::new(sizes).distance_to_point(&pose, point, true)),
+                (Shape::Cylinder { radius, half_length }, Cylinder::new(half_length, radius).distance_to_point(&upright, point, true)),
+                (Shape::Capsule { radius, half_length }, Capsule::new_y(half_length, radius).distance_to_point(&upright, point, true)),
+            ];
+            for (shape, distance) in expected {
+                let found = Primitive::new(&shape, &pose).distance(point);
+                prop_assert!((found - distance).abs() < 1e-5, "{shape:?}: {found} instead of {distance}");
+            }
+        }
+
+        #[test]
+        fn the_box_of_a_convex_hull_holds_its_points(pose in pose(), points in prop::collection::vec(vec3(-0.3..0.3), 4..9)) {
+            let hull = Primitive::new(&Shape::Convex { points: points.clone() }, &pose);
+            for point in points {
+                prop_assert!(hull.distance(pose * point) < 1e-5);
+            }
+        }
+    }
+}

@@ -1,0 +1,70 @@
+//! Shorthand for building scenes: lengths in metres, angles of waypoints in degrees as the published tables give them.
+
+use super::{Motion, TaskScene, Waypoint};
+use crate::q_attention::NextBestPose;
+use crate::robot::Gripper;
+use crate::scene::{Part, Shape};
+use crate::sim::scene_spec::{BodyKind, BodySpec, Condition, JointSpec, SceneSpec};
+use core::f32::consts::FRAC_PI_2;
+use glamx::{Pose3, Quat, Vec3};
+
+/// Friction coefficient of everything but the finger pads.
+const FRICTION: f32 = 0.5;
+
+/// A scene being built in its task frame.
+pub(super) struct SceneBuilder {
+    spec: SceneSpec,
+    waypoints: Vec<Waypoint>,
+}
+
+impl SceneBuilder {
+    pub(super) fn new(task: &str) -> Self {
+        let spec = SceneSpec { task: task.to_owned(), bodies: Vec::new(), joints: Vec::new(), success: Vec::new() };
+        Self { spec, waypoints: Vec::new() }
+    }
+
+    /// Adds a body whose frame is the task frame moved to `origin`; returns its index.
+    pub(super) fn body(&mut self, name: &str, kind: BodyKind, origin: Vec3, mass: f32, parts: Vec<Part>) -> usize {
+        let pose = Pose3::from_translation(origin);
+        self.spec.bodies.push(BodySpec { name: name.to_owned(), kind, pose, parts, mass, friction: FRICTION });
+        self.spec.bodies.len() - 1
+    }
+
+    pub(super) fn joint(&mut self, joint: JointSpec) -> usize {
+        self.spec.joints.push(joint);
+        self.spec.joints.len() - 1
+    }
+
+    pub(super) fn waypoint(&mut self, pose: Pose3, gripper: Gripper, motion: Motion) {
+        self.waypoints.push(Waypoint { goal: NextBestPose { pose, gripper }, motion });
+    }
+
+    pub(super) fn finish(mut self, success: Vec<Condition>) -> TaskScene {
+        self.spec.success = success;
+        TaskScene { spec: self.spec, waypoints: self.waypoints }
+    }
+}
+
+/// A grip pose at a position with roll, pitch, yaw in degrees: `Rz(yaw) Ry(pitch) Rx(roll)`.
+pub(super) fn grip_pose(position: [f32; 3], roll_pitch_yaw: [f32; 3]) -> Pose3 {
+    let [roll, pitch, yaw] = roll_pitch_yaw.map(f32::to_radians);
+    let rotation = Quat::from_rotation_z(yaw) * Quat::from_rotation_y(pitch) * Quat::from_rotation_x(roll);
+    Pose3::from_parts(Vec3::from(position), rotation)
+}
+
+/// A box from its centre and side lengths.
+pub(super) fn cuboid(center: [f32; 3], size: [f32; 3], rgb: [u8; 3]) -> Part {
+    Part::new(Shape::Cuboid { half_extents: 0.5 * Vec3::from(size) }, Pose3::from_translation(Vec3::from(center)), rgb)
+}
+
+/// An upright cylinder from its centre, radius and length.
+pub(super) fn cylinder_z(center: [f32; 3], radius: f32, length: f32, rgb: [u8; 3]) -> Part {
+    let shape = Shape::Cylinder { radius, half_length: 0.5 * length };
+    Part::new(shape, Pose3::from_translation(Vec3::from(center)), rgb)
+}
+
+/// A cylinder along x from its centre, radius and length.
+pub(super) fn cylinder_x(center: [f32; 3], radius: f32, length: f32, rgb: [u8; 3]) -> Part {
+    let shape = Shape::Cylinder { radius, half_length: 0.5 * length };
+    Part::new(shape, Pose3::from_parts(Vec3::from(center), Quat::from_rotation_y(FRAC_PI_2)), rgb)
+}

@@ -1,0 +1,119 @@
+//! The tasks: each one small file of data and plain functions.
+//!
+//! Geometry, limits, randomisation and success conditions are those published for `RLBench`'s tasks of the same name; the scenes
+//! are our own, made of primitives. A task is built in its own frame (origin on the table, z up) and then placed.
+
+mod builder;
+mod open_drawer;
+mod reach_target;
+mod take_lid_off_saucepan;
+mod toilet_seat_up;
+
+use super::scene_spec::SceneSpec;
+use crate::error::{Error, Result};
+use crate::q_attention::NextBestPose;
+use crate::rng::Rng;
+use glamx::{Pose3, Vec2};
+
+/// Which of the paper's task sets a task belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum TaskSet {
+    /// Task Set 1: many motions will do.
+    One,
+    /// Task Set 2: particular motions are needed.
+    Two,
+}
+
+/// A task.
+#[derive(Debug)]
+pub struct Task {
+    /// Name on the command line.
+    pub name: &'static str,
+    /// Task set of the paper.
+    pub set: TaskSet,
+    /// The goal in a sentence.
+    pub description: &'static str,
+    /// Keyframes of a demonstration.
+    pub keyframes: usize,
+    /// How the task is placed on the table.
+    pub placement: Placement,
+    /// Builds the scene and the demonstrator's waypoints in the task frame.
+    pub build: fn(&mut Rng) -> TaskScene,
+}
+
+/// Where a task frame may be on the table.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Placement {
+    /// Yaw is uniform within ± this, radians.
+    pub max_yaw: f32,
+    /// Corners of the task's footprint on the table in the task frame, metres.
+    pub footprint: [Vec2; 2],
+}
+
+/// A scene with the demonstrator's waypoints.
+#[derive(Debug, Clone)]
+pub struct TaskScene {
+    /// The scene.
+    pub spec: SceneSpec,
+    /// What a demonstrator does, in order: one keyframe each.
+    pub waypoints: Vec<Waypoint>,
+}
+
+/// One step of the demonstrator.
+#[derive(Debug, Clone)]
+pub struct Waypoint {
+    /// Where the gripper goes and what it does there.
+    pub goal: NextBestPose,
+    /// How it gets there.
+    pub motion: Motion,
+}
+
+/// How the demonstrator reaches a waypoint.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Motion {
+    /// Any collision-free path.
+    Free,
+    /// A straight line of the grip.
+    Linear,
+    /// Through these poses of the grip to the goal.
+    Through(Vec<Pose3>),
+}
+
+impl TaskScene {
+    /// The same scene with its task frame at `world_from_task`.
+    #[must_use]
+    pub fn placed(mut self, world_from_task: &Pose3) -> Self {
+        self.spec.place(world_from_task);
+        for waypoint in &mut self.waypoints {
+            waypoint.goal.pose = *world_from_task * waypoint.goal.pose;
+            if let Motion::Through(poses) = &mut waypoint.motion {
+                for pose in poses {
+                    *pose = *world_from_task * *pose;
+                }
+            }
+        }
+        self
+    }
+}
+
+/// Every task.
+pub static TASKS: [&Task; 4] = [
+    &reach_target::REACH_TARGET,
+    &take_lid_off_saucepan::TAKE_LID_OFF_SAUCEPAN,
+    &open_drawer::OPEN_DRAWER,
+    &toilet_seat_up::TOILET_SEAT_UP,
+];
+
+impl Task {
+    /// The task of that name.
+    ///
+    /// # Errors
+    ///
+    /// When there is none, naming those that exist.
+    pub fn by_name(name: &str) -> Result<&'static Self> {
+        TASKS.into_iter().find(|task| task.name == name).ok_or_else(|| {
+            let known: Vec<_> = TASKS.iter().map(|task| task.name).collect();
+            Error::Environment(format!("unknown task '{name}', known: {}", known.join(", ")))
+        })
+    }
+}

@@ -1,0 +1,57 @@
+//! Reach the red ball among two others.
+
+use super::builder::{SceneBuilder, grip_pose};
+use super::{Motion, Placement, Task, TaskScene, TaskSet};
+use crate::rng::Rng;
+use crate::robot::Gripper;
+use crate::scene::{Part, Shape};
+use crate::sim::scene_spec::{BodyKind, Condition, Zone};
+use glamx::{Pose3, Vec2, Vec3};
+use rand::RngExt as _;
+
+/// The task.
+pub(super) static REACH_TARGET: Task = Task {
+    name: "reach_target",
+    set: TaskSet::One,
+    description: "reach the red target",
+    keyframes: 1,
+    placement: Placement { max_yaw: 0.0, footprint: [Vec2::ZERO, Vec2::ZERO] },
+    build,
+};
+
+const RADIUS: f32 = 0.025;
+/// Targets are uniform in this box on the table: x, y, z side lengths.
+const REGION: [f32; 3] = [0.5, 0.7, 0.5];
+/// Least distance between two balls.
+const MIN_DISTANCE: f32 = 0.2;
+
+const RED: [u8; 3] = [225, 30, 30];
+/// Colours of the distractors.
+const DISTRACTORS: [[u8; 3]; 6] =
+    [[40, 160, 60], [40, 80, 210], [230, 200, 40], [150, 60, 180], [40, 180, 190], [240, 240, 240]];
+
+fn build(rng: &mut Rng) -> TaskScene {
+    let mut scene = SceneBuilder::new(REACH_TARGET.name);
+    let mut centers: Vec<Vec3> = Vec::new();
+    while centers.len() < 3 {
+        let center = Vec3::new(
+            REGION[0] * (rng.random::<f32>() - 0.5),
+            REGION[1] * (rng.random::<f32>() - 0.5),
+            RADIUS + (REGION[2] - RADIUS) * rng.random::<f32>(),
+        );
+        if centers.iter().all(|other| other.distance(center) >= MIN_DISTANCE) {
+            centers.push(center);
+        }
+    }
+    let first = rng.random_range(0..DISTRACTORS.len());
+    let second = (first + rng.random_range(1..DISTRACTORS.len())) % DISTRACTORS.len();
+    let colours = [RED, DISTRACTORS[first], DISTRACTORS[second]];
+    for (name, (center, rgb)) in ["target", "distractor0", "distractor1"].into_iter().zip(centers.iter().zip(colours)) {
+        let ball = Part::new(Shape::Sphere { radius: RADIUS }, Pose3::IDENTITY, rgb);
+        scene.body(name, BodyKind::Visual, *center, 0.0, vec![ball]);
+    }
+    let target = centers[0];
+    scene.waypoint(grip_pose(target.to_array(), [180.0, 0.0, 180.0]), Gripper::Open, Motion::Free);
+    let zone = Zone::Cylinder { center: target, radius: 0.05, half_height: 0.04 };
+    scene.finish(vec![Condition::GripInZone { zone }])
+}
