@@ -1,26 +1,25 @@
-# `make check` is exactly what CI runs.
-.PHONY: check fmt lint doc test test-doc test-ndarray wasm
+# `make check` is exactly what CI runs. It has one feature set, with burn-ndarray as a reference for burn-flex in tests: a second
+# set would build all of burn once more. lpr-wasm/build.sh builds without it.
+ALL := --locked --workspace --features lpr-core/ndarray
 
-check: fmt lint doc test test-doc test-ndarray wasm
+.PHONY: check fmt lint doc test test-doc wasm
+
+check: fmt lint doc test test-doc wasm
 
 fmt:
 	cargo fmt --all --check
 
 lint:
-	cargo clippy --locked --workspace --all-targets -- -D warnings
+	cargo clippy $(ALL) --all-targets -- -D warnings
 
 doc:
-	RUSTDOCFLAGS=-Dwarnings cargo doc --locked --workspace --no-deps
+	RUSTDOCFLAGS=-Dwarnings cargo doc $(ALL) --no-deps
 
 test:
-	cargo nextest run --locked --workspace
+	cargo nextest run $(ALL)
 
 test-doc:
-	cargo test --locked --doc --workspace
-
-# burn-ndarray as a reference for burn-flex, in the same profile and features, so that little is built again.
-test-ndarray:
-	cargo nextest run --locked --workspace --features lpr-core/ndarray -E 'test(ndarray)' --no-tests=warn
+	cargo test $(ALL) --doc
 
 wasm:
 	lpr-wasm/build.sh
