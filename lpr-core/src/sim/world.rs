@@ -43,14 +43,17 @@ impl World {
     ///
     /// # Errors
     ///
-    /// When a joint of the scene closes a loop or names a body that is not there.
+    /// When a joint of the scene joins a body to itself or names one that is not there.
     pub fn new(spec: Arc<SceneSpec>, robot: &'static Robot, config: JointConfig, params: &SimParams) -> Result<Self> {
         let mut physics = Physics::new(params);
         let bodies: Vec<_> = spec.bodies.iter().map(|body| physics.insert_body(body, params)).collect();
         for joint in &spec.joints {
             let broken = || Error::Environment(format!("joint '{}' of task '{}' cannot be built", joint.name, spec.task));
             let (parent, child) = bodies.get(joint.parent).zip(bodies.get(joint.child)).ok_or_else(broken)?;
-            physics.insert_joint(joint, *parent, *child).ok_or_else(broken)?;
+            if parent == child {
+                return Err(broken());
+            }
+            physics.insert_joint(joint, [*parent, *child], params);
         }
         let frames = robot.link_frames(&config);
         let links = core::array::from_fn(|link| {
@@ -59,7 +62,7 @@ impl World {
         });
         let width = robot.gripper.max_width;
         let grip = robot.grip(&config);
-        let fingers = finger_poses(&grip, width);
+        let fingers = finger_poses(&grip, width, 0.0);
         let finger_parts = finger_parts(&robot.gripper);
         let fingers =
             core::array::from_fn(|side| physics.insert_robot_body(fingers[side], &finger_parts[side], params.pad_friction));
@@ -89,7 +92,7 @@ impl World {
         for (link, frame) in self.links.iter().zip(frames) {
             self.physics.bodies[*link].set_next_kinematic_position(frame);
         }
-        let fingers = finger_poses(&self.robot.grip(config), self.gripper.width);
+        let fingers = finger_poses(&self.robot.grip(config), self.gripper.width, self.gripper.offset);
         for (finger, pose) in self.fingers.iter().zip(fingers) {
             self.physics.bodies[*finger].set_next_kinematic_position(pose);
         }
@@ -192,9 +195,7 @@ impl World {
 
     fn holds(&self, condition: &Condition) -> bool {
         match condition {
-            Condition::JointMoved { joint, min } => {
-                (self.joint_position(*joint) - self.spec.joints[*joint].start).abs() > *min
-            }
+            Condition::JointMoved { joint, min } => (self.joint_position(*joint) - self.spec.joints[*joint].start).abs() > *min,
             Condition::BodyInZone { body, point, zone } => zone.contains(self.body_pose(*body).transform_point(*point)),
             Condition::GripInZone { zone } => zone.contains(self.robot.grip(&self.config).translation),
             Condition::Grasped { body } => self.gripper.holding == Holding::Attached { body: *body },
@@ -206,14 +207,17 @@ impl World {
         self.spec.bodies.iter().enumerate().map(|(idx, body)| (idx, self.body_pose(idx), body.parts.as_slice()))
     }
 
+    /// Poses of the robot's frames and fingers now, in the order of [`World::robot_items`].
+    pub(super) fn robot_poses(&self) -> impl Iterator<Item = Pose3> {
+        let fingers = finger_poses(&self.robot.grip(&self.config), self.gripper.width, self.gripper.offset);
+        self.robot.link_frames(&self.config).into_iter().chain(fingers)
+    }
+
     /// Arm, hand and fingers with their poses now.
     #[must_use]
     pub fn robot_items(&self) -> Vec<(Pose3, Vec<Part>)> {
-        let frames = self.robot.link_frames(&self.config);
-        let mut items: Vec<_> = frames.into_iter().enumerate().map(|(l, frame)| (frame, link_parts(self.robot, l))).collect();
-        let fingers = finger_poses(&self.robot.grip(&self.config), self.gripper.width);
-        items.extend(fingers.into_iter().zip(finger_parts(&self.robot.gripper)));
-        items
+        let links = (0..N_LINKS).map(|link| link_parts(self.robot, link));
+        self.robot_poses().zip(links.chain(finger_parts(&self.robot.gripper))).collect()
     }
 
     /// FNV-1a over the bits of every pose: equal for equal worlds.
