@@ -109,6 +109,12 @@ impl SimEnvironment {
         self.step
     }
 
+    /// This episode with its world as in `world`, after `step` macro actions.
+    #[must_use]
+    pub fn at(&self, world: World, step: usize) -> Self {
+        Self { world, step, ..self.clone() }
+    }
+
     /// What the cameras see of the scene as obstacles, with the contact rule for `goal` (`world_from_grip`).
     #[must_use]
     pub fn obstacles(&mut self, goal: Option<&Pose3>) -> Scene {

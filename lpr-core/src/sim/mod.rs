@@ -4,6 +4,7 @@ mod arm;
 mod contact;
 pub mod demonstrator;
 mod env;
+pub mod feasibility;
 mod gripper;
 mod params;
 mod physics;
