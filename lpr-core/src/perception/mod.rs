@@ -1,1 +1,13 @@
 //! What the agent sees: cameras, observations, voxel grids.
+
+mod augment;
+mod camera;
+mod compact;
+mod observation;
+mod voxel;
+
+pub use augment::PointTransform;
+pub use camera::{CAMERA_NAMES, Camera, IMAGE_SIZE};
+pub use compact::{CompactGrid, CompactVoxel};
+pub use observation::{LOW_DIM, Observation, Proprio, View, time_feature};
+pub use voxel::{VOXEL_CHANNELS, VoxelBounds, VoxelGrid, VoxelIndex, VoxelSpace};
