@@ -164,8 +164,12 @@ pub(super) fn shared_shape(shape: &Shape) -> SharedShape {
         Shape::Sphere { radius } => SharedShape::ball(*radius),
         Shape::Cuboid { half_extents } => SharedShape::cuboid(half_extents.x, half_extents.y, half_extents.z),
         Shape::Cylinder { radius, half_length } => SharedShape::cylinder(*half_length, *radius),
-        Shape::Capsule { radius, half_length } => SharedShape::capsule(Vec3::Z * -*half_length, Vec3::Z * *half_length, *radius),
-        Shape::Convex { points } => SharedShape::convex_hull(points).unwrap_or_else(|| SharedShape::cuboid(1e-4, 1e-4, 1e-4)),
+        Shape::Capsule { radius, half_length } => {
+            SharedShape::capsule(Vec3::Z * -*half_length, Vec3::Z * *half_length, *radius)
+        }
+        Shape::Convex { points } => {
+            SharedShape::convex_hull(points).unwrap_or_else(|| SharedShape::cuboid(1e-4, 1e-4, 1e-4))
+        }
     }
 }
 

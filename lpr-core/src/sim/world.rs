@@ -192,7 +192,9 @@ impl World {
 
     fn holds(&self, condition: &Condition) -> bool {
         match condition {
-            Condition::JointMoved { joint, min } => (self.joint_position(*joint) - self.spec.joints[*joint].start).abs() > *min,
+            Condition::JointMoved { joint, min } => {
+                (self.joint_position(*joint) - self.spec.joints[*joint].start).abs() > *min
+            }
             Condition::BodyInZone { body, point, zone } => zone.contains(self.body_pose(*body).transform_point(*point)),
             Condition::GripInZone { zone } => zone.contains(self.robot.grip(&self.config).translation),
             Condition::Grasped { body } => self.gripper.holding == Holding::Attached { body: *body },
