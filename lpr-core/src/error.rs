@@ -30,5 +30,5 @@ pub enum Error {
     Environment(String),
 }
 
-/// Result with this crate's [`Error`].
+/// Result with this crate's [`enum@Error`].
 pub type Result<T, E = Error> = core::result::Result<T, E>;

@@ -1,1 +1,3 @@
-//! x
+//! End-to-end suites over the public surface of the crates.
+
+mod architecture;

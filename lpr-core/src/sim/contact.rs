@@ -23,6 +23,12 @@ impl World {
         impulse.length() / self.params.dt
     }
 
+    /// Contact forces on the two fingers after the last step, newtons.
+    #[must_use]
+    pub fn finger_forces(&self) -> [f32; 2] {
+        self.fingers.map(|finger| self.contact_force(finger))
+    }
+
     /// No link may press harder than the abort force.
     pub(super) fn check_forces(&self) -> Result<(), InvalidAction> {
         for (idx, body) in self.robot_bodies() {

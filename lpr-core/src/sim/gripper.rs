@@ -20,6 +20,11 @@ const RELEASE_GAP: f32 = 0.004;
 /// Below this width a closed gripper holds nothing, metres.
 const EMPTY_WIDTH: f32 = 0.001;
 
+/// Physics steps by which contact forces lag behind the fingers.
+const FORCE_LEAD_STEPS: f32 = 4.0;
+/// Share of the grip force from which a handle counts as held.
+const FIRM: f32 = 0.8;
+
 /// What the gripper holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Holding {
@@ -40,8 +45,12 @@ pub(super) struct GripperState {
     pub(super) width: f32,
     pub(super) command: Gripper,
     pub(super) holding: Holding,
-    /// Smaller of the two fingers' contact forces after the last step, newtons.
-    force: f32,
+    /// How far both fingers have given way along the grip's y, metres.
+    pub(super) offset: f32,
+    /// Contact forces of the fingers at +y and -y after the last step, newtons.
+    forces: [f32; 2],
+    /// The forces one step earlier.
+    last_forces: [f32; 2],
     attachment: Option<ImpulseJointHandle>,
     /// An object released but still between the pads, with the width at its release.
     released: Option<(usize, f32)>,
@@ -53,20 +62,42 @@ impl GripperState {
             width: spec.max_width,
             command: Gripper::Open,
             holding: Holding::Nothing,
-            force: 0.0,
+            offset: 0.0,
+            forces: [0.0; 2],
+            last_forces: [0.0; 2],
             attachment: None,
             released: None,
         }
     }
 
-    /// Moves both fingers by one physics step.
+    /// Moves both fingers by one physics step: towards the command, or in contact towards the grip force.
     pub(super) fn advance(&mut self, params: &SimParams, spec: &GripperSpec) {
         let travel = 2.0 * params.finger_speed * params.dt;
+        let [left, right] = self.expected_forces();
         match self.command {
-            Gripper::Open => self.width = (self.width + travel).min(spec.max_width),
-            Gripper::Close if self.attachment.is_some() || self.force > params.grip_force => {}
-            Gripper::Close => self.width = (self.width - travel).max(0.0),
+            Gripper::Open => {
+                self.width = (self.width + travel).min(spec.max_width);
+                self.offset = 0.0;
+            }
+            Gripper::Close if self.attachment.is_some() => {}
+            Gripper::Close if self.forces == [0.0; 2] => self.width = (self.width - travel).max(0.0),
+            Gripper::Close => {
+                // One motor drives both fingers: it feels their mean; the difference pushes the hand sideways.
+                let error = params.grip_force - 0.5 * (left + right);
+                let closing = (2.0 * params.finger_compliance * error).clamp(-travel, travel);
+                self.width = (self.width - closing).clamp(0.0, spec.max_width);
+                let sideways = params.finger_compliance * (left - right);
+                self.offset = (self.offset + sideways).clamp(-params.finger_play, params.finger_play);
+            }
         }
+    }
+
+    /// The forces a few steps ahead: contacts answer late, and a regulator on the last forces alone would oscillate.
+    fn expected_forces(&self) -> [f32; 2] {
+        core::array::from_fn(|side| {
+            let trend = self.forces[side] - self.last_forces[side];
+            (self.forces[side] + FORCE_LEAD_STEPS * trend).max(0.0)
+        })
     }
 
     pub(super) fn settled(&self, spec: &GripperSpec) -> bool {
@@ -78,8 +109,8 @@ impl GripperState {
 }
 
 /// Poses of the two fingers: at the inner faces of the pads, axes of the grip.
-pub(super) fn finger_poses(world_from_grip: &Pose3, width: f32) -> [Pose3; 2] {
-    [0.5, -0.5].map(|side| *world_from_grip * Pose3::from_translation(Vec3::Y * (side * width)))
+pub(super) fn finger_poses(world_from_grip: &Pose3, width: f32, offset: f32) -> [Pose3; 2] {
+    [0.5, -0.5].map(|side| *world_from_grip * Pose3::from_translation(Vec3::Y * (offset + side * width)))
 }
 
 /// Geometry of the two fingers in their own frames: the pad and the body that carries it.
@@ -93,8 +124,8 @@ pub(super) fn finger_parts(spec: &GripperSpec) -> [Vec<Part>; 2] {
 impl World {
     /// Reads the fingers' forces, attaches what a closing hand has reached and lets go of what an opening one held.
     pub(super) fn update_grasp(&mut self) {
-        let forces = self.fingers.map(|finger| self.contact_force(finger));
-        self.gripper.force = forces[0].min(forces[1]);
+        self.gripper.last_forces = self.gripper.forces;
+        self.gripper.forces = self.finger_forces();
         match self.gripper.command {
             Gripper::Open => self.release(),
             Gripper::Close => self.grasp(),
@@ -109,11 +140,12 @@ impl World {
             self.attach(body);
             return;
         }
-        let pinches = self.gripper.force > 0.0 && self.gripper.width > EMPTY_WIDTH;
-        let stopped = self.gripper.force > self.params.grip_force;
+        let [left, right] = self.gripper.forces;
+        let pinches = left + right > 0.0 && self.gripper.width > EMPTY_WIDTH;
+        let firm = left.min(right) > FIRM * self.params.grip_force;
         self.gripper.holding = match self.gripper.holding {
             Holding::Pinched if pinches => Holding::Pinched,
-            _ if pinches && stopped => Holding::Pinched,
+            _ if pinches && firm => Holding::Pinched,
             _ => Holding::Nothing,
         };
     }
@@ -127,7 +159,7 @@ impl World {
         self.physics.colliders_of(finger).iter().any(|pad| {
             self.physics.narrow_phase.contact_pairs_with(*pad).any(|pair| {
                 let other = if pair.collider1 == *pad { pair.collider2 } else { pair.collider1 };
-                pair.has_any_active_contact() && self.physics.colliders[other].parent() == Some(body)
+                pair.total_impulse_magnitude() > 0.0 && self.physics.colliders[other].parent() == Some(body)
             })
         })
     }

@@ -2,14 +2,21 @@
 
 mod arm;
 mod contact;
+pub mod demonstrator;
+mod env;
+pub mod feasibility;
 mod gripper;
 mod params;
 mod physics;
+mod placement;
 pub mod render;
 mod scene_spec;
 pub mod tasks;
 mod world;
 
+pub use demonstrator::{DemoPlan, Demonstration, demonstrate};
+pub use env::SimEnvironment;
 pub use params::SimParams;
+pub use placement::{PlacedTask, place};
 pub use scene_spec::{BodyKind, BodySpec, Condition, JointKind, JointSpec, SceneSpec, Zone};
 pub use world::{Holding, World};

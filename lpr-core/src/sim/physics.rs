@@ -6,9 +6,9 @@ use crate::scene::{Part, Shape};
 use glamx::{Pose3, Quat, Vec3};
 use rapier3d::prelude::{
     BroadPhaseBvh, CCDSolver, CoefficientCombineRule, ColliderBuilder, ColliderHandle, ColliderSet, GenericJoint, Group,
-    ImpulseJointSet, IntegrationParameters, InteractionGroups, InteractionTestMode, IslandManager, MultibodyJointHandle,
+    ImpulseJointSet, IntegrationParameters, InteractionGroups, InteractionTestMode, IslandManager, JointAxis, MotorModel,
     MultibodyJointSet, NarrowPhase, PhysicsPipeline, PrismaticJointBuilder, RevoluteJointBuilder, RigidBodyBuilder,
-    RigidBodyHandle, RigidBodySet, SharedShape, SoftBodySet,
+    RigidBodyHandle, RigidBodySet, SharedShape, SoftBodySet, SpringCoefficients,
 };
 
 /// Group of fixed and moving bodies of the scene.
@@ -16,6 +16,8 @@ pub(super) const SCENE_GROUP: Group = Group::GROUP_1;
 /// Group of arm, hand and fingers.
 pub(super) const ROBOT_GROUP: Group = Group::GROUP_2;
 
+/// Damping of a brake below its limit, N·m·s/rad or N·s/m: stiff, so that it acts as dry friction.
+const BRAKE_DAMPING: f32 = 100.0;
 /// Earth's gravity along world z, m/s².
 const GRAVITY: Vec3 = Vec3::new(0.0, 0.0, -9.81);
 
@@ -117,13 +119,11 @@ impl Physics {
         body
     }
 
-    /// Adds a joint in reduced coordinates: its child cannot leave the axis however hard a hand pulls.
-    pub(super) fn insert_joint(
-        &mut self,
-        spec: &JointSpec,
-        parent: RigidBodyHandle,
-        child: RigidBodyHandle,
-    ) -> Option<MultibodyJointHandle> {
+    /// Adds a hinge or slide between two bodies.
+    ///
+    /// It gives way a little, as rails and hinges do: between a rigid joint and a kinematic hand a force would be undefined (in
+    /// reduced coordinates it grows without bound, with rapier's default stiffness it depends on the solver's iterations).
+    pub(super) fn insert_joint(&mut self, spec: &JointSpec, [parent, child]: [RigidBodyHandle; 2], params: &SimParams) {
         // The joint's own coordinate is zero at the start poses; its x axis is the axis of motion.
         let world_from_joint = Pose3::from_parts(spec.anchor, Quat::from_rotation_arc(Vec3::X, spec.axis));
         let frame_in = |body: RigidBodyHandle| self.bodies[body].position().inv_mul(&world_from_joint);
@@ -132,14 +132,18 @@ impl Physics {
             JointKind::Revolute => RevoluteJointBuilder::new(Vec3::X).limits(limits).contacts_enabled(false).build().into(),
             JointKind::Prismatic => PrismaticJointBuilder::new(Vec3::X).limits(limits).contacts_enabled(false).build().into(),
         };
+        joint.softness = SpringCoefficients::new(params.joint_frequency, params.joint_damping_ratio);
         joint.local_frame1 = frame_in(parent);
         joint.local_frame2 = frame_in(child);
-        let handle = self.multibody_joints.insert(parent, child, joint, true)?;
-        if let Some((multibody, _)) = self.multibody_joints.get_mut(handle) {
-            multibody.frictions_mut().fill(spec.brake);
-            multibody.damping_mut().fill(0.0);
+        if spec.brake > 0.0 {
+            let axis = match spec.kind {
+                JointKind::Revolute => JointAxis::AngX,
+                JointKind::Prismatic => JointAxis::LinX,
+            };
+            joint.set_motor_model(axis, MotorModel::ForceBased).set_motor_velocity(axis, 0.0, BRAKE_DAMPING);
+            joint.set_motor_max_force(axis, spec.brake);
         }
-        Some(handle)
+        self.impulse_joints.insert(parent, child, joint, true);
     }
 
     /// Colliders of a body.
@@ -164,12 +168,8 @@ pub(super) fn shared_shape(shape: &Shape) -> SharedShape {
         Shape::Sphere { radius } => SharedShape::ball(*radius),
         Shape::Cuboid { half_extents } => SharedShape::cuboid(half_extents.x, half_extents.y, half_extents.z),
         Shape::Cylinder { radius, half_length } => SharedShape::cylinder(*half_length, *radius),
-        Shape::Capsule { radius, half_length } => {
-            SharedShape::capsule(Vec3::Z * -*half_length, Vec3::Z * *half_length, *radius)
-        }
-        Shape::Convex { points } => {
-            SharedShape::convex_hull(points).unwrap_or_else(|| SharedShape::cuboid(1e-4, 1e-4, 1e-4))
-        }
+        Shape::Capsule { radius, half_length } => SharedShape::capsule(Vec3::Z * -*half_length, Vec3::Z * *half_length, *radius),
+        Shape::Convex { points } => SharedShape::convex_hull(points).unwrap_or_else(|| SharedShape::cuboid(1e-4, 1e-4, 1e-4)),
     }
 }
 

@@ -75,7 +75,7 @@ struct Shaded {
 }
 
 /// Meshes of shapes, made once, and the buffers that images are drawn in.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Renderer {
     detail: Detail,
     shapes: Vec<Shape>,

@@ -45,7 +45,7 @@ enum Surface {
 }
 
 /// A closed convex mesh around its own origin, counter-clockwise seen from outside.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Mesh {
     pub(super) vertices: Vec<Vec3>,
     pub(super) triangles: Vec<[u32; 3]>,

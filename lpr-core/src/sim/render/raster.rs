@@ -73,7 +73,7 @@ struct Placement {
 }
 
 /// Depth and face buffers of one image; reused from image to image.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub(super) struct Raster {
     width: usize,
     height: usize,

@@ -41,13 +41,15 @@ pub struct Task {
     pub build: fn(&mut Rng) -> TaskScene,
 }
 
-/// Where a task frame may be on the table.
+/// Where a task frame may be on the table: origin and yaw are uniform.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placement {
-    /// Yaw is uniform within ± this, radians.
+    /// Centre of the origins' rectangle, from the robot's workspace centre, metres.
+    pub center: Vec2,
+    /// Half the sides of that rectangle, metres.
+    pub half_range: Vec2,
+    /// Yaw is within ± this, radians.
     pub max_yaw: f32,
-    /// Corners of the task's footprint on the table in the task frame, metres.
-    pub footprint: [Vec2; 2],
 }
 
 /// A scene with the demonstrator's waypoints.

@@ -15,7 +15,7 @@ pub(super) static OPEN_DRAWER: Task = Task {
     set: TaskSet::Two,
     description: "open the bottom drawer",
     keyframes: 3,
-    placement: Placement { max_yaw: FRAC_PI_8, footprint: [Vec2::new(-0.19, -0.19), Vec2::new(0.19, 0.21)] },
+    placement: Placement { center: Vec2::new(0.0, -0.32), half_range: Vec2::new(0.06, 0.12), max_yaw: FRAC_PI_8 },
     build,
 };
 

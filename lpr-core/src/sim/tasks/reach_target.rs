@@ -15,7 +15,7 @@ pub(super) static REACH_TARGET: Task = Task {
     set: TaskSet::One,
     description: "reach the red target",
     keyframes: 1,
-    placement: Placement { max_yaw: 0.0, footprint: [Vec2::ZERO, Vec2::ZERO] },
+    placement: Placement { center: Vec2::ZERO, half_range: Vec2::ZERO, max_yaw: 0.0 },
     build,
 };
 
@@ -27,8 +27,7 @@ const MIN_DISTANCE: f32 = 0.2;
 
 const RED: [u8; 3] = [225, 30, 30];
 /// Colours of the distractors.
-const DISTRACTORS: [[u8; 3]; 6] =
-    [[40, 160, 60], [40, 80, 210], [230, 200, 40], [150, 60, 180], [40, 180, 190], [240, 240, 240]];
+const DISTRACTORS: [[u8; 3]; 6] = [[40, 160, 60], [40, 80, 210], [230, 200, 40], [150, 60, 180], [40, 180, 190], [240, 240, 240]];
 
 fn build(rng: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(REACH_TARGET.name);

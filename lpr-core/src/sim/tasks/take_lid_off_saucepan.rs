@@ -14,7 +14,7 @@ pub(super) static TAKE_LID_OFF_SAUCEPAN: Task = Task {
     set: TaskSet::One,
     description: "take the lid off the saucepan",
     keyframes: 3,
-    placement: Placement { max_yaw: PI, footprint: [Vec2::new(-0.12, -0.12), Vec2::new(0.325, 0.12)] },
+    placement: Placement { center: Vec2::ZERO, half_range: Vec2::new(0.14, 0.28), max_yaw: PI },
     build,
 };
 
@@ -39,10 +39,7 @@ fn build(_: &mut Rng) -> TaskScene {
         BodyKind::Fixed,
         Vec3::ZERO,
         0.0,
-        vec![
-            cylinder_z([0.0, 0.0, 0.5 * RIM], PAN_RADIUS, RIM, STEEL),
-            cuboid([0.215, 0.0, 0.055], [0.21, 0.028, 0.016], BLACK),
-        ],
+        vec![cylinder_z([0.0, 0.0, 0.5 * RIM], PAN_RADIUS, RIM, STEEL), cuboid([0.215, 0.0, 0.055], [0.21, 0.028, 0.016], BLACK)],
     );
     let disc = RIM + GAP + 0.5 * LID_THICKNESS;
     let knob = 0.5 * (LID_THICKNESS + KNOB_HEIGHT);
@@ -61,10 +58,8 @@ fn build(_: &mut Rng) -> TaskScene {
     scene.waypoint(grip_pose([0.0, 0.0, 0.152], down), Gripper::Open, Motion::Free);
     scene.waypoint(grip_pose([0.0, 0.0, 0.104], down), Gripper::Close, Motion::Linear);
     scene.waypoint(grip_pose([0.0, 0.0, 0.222], down), Gripper::Close, Motion::Linear);
-    let zone = Zone::Cuboid {
-        pose: Pose3::from_translation(Vec3::new(0.0, 0.0, 0.216)),
-        half_extents: Vec3::new(0.05, 0.05, 0.025),
-    };
+    let zone =
+        Zone::Cuboid { pose: Pose3::from_translation(Vec3::new(0.0, 0.0, 0.216)), half_extents: Vec3::new(0.05, 0.05, 0.025) };
     let point = Vec3::new(0.0, 0.0, knob);
     scene.finish(vec![Condition::Grasped { body: lid }, Condition::BodyInZone { body: lid, point, zone }])
 }

@@ -14,7 +14,7 @@ pub(super) static TOILET_SEAT_UP: Task = Task {
     set: TaskSet::Two,
     description: "lift the toilet seat up",
     keyframes: 3,
-    placement: Placement { max_yaw: FRAC_PI_4, footprint: [Vec2::new(-0.13, -0.30), Vec2::new(0.13, 0.20)] },
+    placement: Placement { center: Vec2::new(-0.04, -0.06), half_range: Vec2::new(0.08, 0.15), max_yaw: FRAC_PI_4 },
     build,
 };
 
@@ -62,8 +62,7 @@ fn build(_: &mut Rng) -> TaskScene {
     let grasp = grip_pose([0.0, 0.182, HINGE.z], [90.0, 0.0, 0.0]);
     scene.waypoint(grip_pose([0.0, 0.237, HINGE.z], [90.0, 0.0, 0.0]), Gripper::Open, Motion::Free);
     scene.waypoint(grasp, Gripper::Close, Motion::Linear);
-    let mut arc: Vec<_> =
-        (1..=ARC_POSES).map(|i| about_hinge(DEMONSTRATED * i as f32 / ARC_POSES as f32) * grasp).collect();
+    let mut arc: Vec<_> = (1..=ARC_POSES).map(|i| about_hinge(DEMONSTRATED * i as f32 / ARC_POSES as f32) * grasp).collect();
     let end = arc.pop().expect("the arc has poses");
     scene.waypoint(end, Gripper::Close, Motion::Through(arc));
     scene.finish(vec![Condition::JointMoved { joint: hinge, min: OPEN }])

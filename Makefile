@@ -1,0 +1,25 @@
+# `make check` is exactly what CI runs. It has one feature set, with burn-ndarray as a reference for burn-flex in tests: a second
+# set would build all of burn once more. lpr-wasm/build.sh builds without it.
+ALL := --locked --workspace --features lpr-core/ndarray
+
+.PHONY: check fmt lint doc test test-doc wasm
+
+check: fmt lint doc test test-doc wasm
+
+fmt:
+	cargo fmt --all --check
+
+lint:
+	cargo clippy $(ALL) --all-targets -- -D warnings
+
+doc:
+	RUSTDOCFLAGS=-Dwarnings cargo doc $(ALL) --no-deps
+
+test:
+	cargo nextest run $(ALL)
+
+test-doc:
+	cargo test $(ALL) --doc
+
+wasm:
+	lpr-wasm/build.sh

@@ -1,0 +1,281 @@
+//! The simulator as an [`Environment`].
+
+use super::demonstrator::DemoPlan;
+use super::params::SimParams;
+use super::placement::{PlacedTask, place};
+use super::render::{Detail, Item, MeshId, Renderer};
+use super::tasks::Task;
+use super::world::{Holding, World};
+use crate::env::{EPISODE_LENGTH, Environment, InvalidAction, StepResult};
+use crate::error::Result;
+use crate::path::{JointPath, TimedPath, TimingSettings};
+use crate::perception::{Camera, Observation, Proprio, View, time_feature};
+use crate::q_attention::NextBestPose;
+use crate::robot::{Gripper, Robot};
+use crate::scene::{self, ObstacleQuery, Scene, obstacle_scene};
+use glamx::{Pose3, Vec3};
+use std::sync::Arc;
+
+/// Physics steps for the scene to settle after a reset.
+const SETTLE_STEPS: usize = 10;
+/// Longest time a gripper command may take, seconds.
+const GRIPPER_TIMEOUT_SECS: f32 = 2.0;
+/// A path must start this close to where the arm is, radians in every joint.
+const START_TOLERANCE: f32 = 1e-3;
+
+/// One task with one robot in the simulator. A clone is a snapshot.
+#[derive(Debug, Clone)]
+pub struct SimEnvironment {
+    task: &'static Task,
+    robot: &'static Robot,
+    params: SimParams,
+    timing: TimingSettings,
+    cameras: Vec<&'static str>,
+    world: World,
+    plan: Arc<DemoPlan>,
+    rejected_placements: u64,
+    step: usize,
+    drawing: Drawing,
+}
+
+/// Meshes of the scene, built once an episode.
+#[derive(Debug, Clone)]
+struct Drawing {
+    renderer: Renderer,
+    /// Per scene body, per part: mesh, pose in the body, colour.
+    bodies: Vec<Vec<(MeshId, Pose3, [u8; 3])>>,
+}
+
+impl SimEnvironment {
+    /// The task in its scene `seed`, seen by `cameras` (names of [`Camera::by_name`]).
+    ///
+    /// # Errors
+    ///
+    /// When a camera is unknown or the scene cannot be placed.
+    pub fn new(
+        task: &'static Task,
+        robot: &'static Robot,
+        seed: u64,
+        cameras: &[&'static str],
+        params: &SimParams,
+    ) -> Result<Self> {
+        for camera in cameras {
+            Camera::by_name(camera, robot, &Pose3::IDENTITY)?;
+        }
+        let PlacedTask { scene, plan, rejected } = place(task, robot, seed)?;
+        let world = settled(World::new(Arc::new(scene.spec), robot, robot.start, params)?);
+        let drawing = Drawing::new(&world)?;
+        Ok(Self {
+            task,
+            robot,
+            params: params.clone(),
+            timing: TimingSettings { max_velocity: 1.0, max_acceleration: 4.0 },
+            cameras: cameras.to_vec(),
+            world,
+            plan: Arc::new(plan),
+            rejected_placements: rejected,
+            step: 0,
+            drawing,
+        })
+    }
+
+    /// The task.
+    #[must_use]
+    pub fn task(&self) -> &'static Task {
+        self.task
+    }
+
+    /// The world behind the observations.
+    #[must_use]
+    pub fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// What the demonstrator would do in this scene.
+    #[must_use]
+    pub fn plan(&self) -> &DemoPlan {
+        &self.plan
+    }
+
+    /// Placements drawn and rejected before this scene's.
+    #[must_use]
+    pub fn rejected_placements(&self) -> u64 {
+        self.rejected_placements
+    }
+
+    /// Macro actions done in this episode.
+    #[must_use]
+    pub fn steps_done(&self) -> usize {
+        self.step
+    }
+
+    /// This episode with its world as in `world`, after `step` macro actions.
+    #[must_use]
+    pub fn at(&self, world: World, step: usize) -> Self {
+        Self { world, step, ..self.clone() }
+    }
+
+    /// What the cameras see of the scene as obstacles, with the contact rule for `goal` (`world_from_grip`).
+    #[must_use]
+    pub fn obstacles(&mut self, goal: Option<&Pose3>) -> Scene {
+        let observation = self.observe();
+        let points: Vec<Vec3> = observation.colored_points().map(|(point, _)| point).collect();
+        let holding = if self.world.holding() == Holding::Nothing { scene::Holding::Nothing } else { scene::Holding::Object };
+        let query = ObstacleQuery { robot: self.robot, measured: self.world.config(), goal, holding };
+        obstacle_scene(&query, &points)
+    }
+
+    /// As [`Environment::step`], calling `record` after every control step and after the gripper's command.
+    pub fn step_recorded(&mut self, path: &JointPath, gripper: Gripper, mut record: impl FnMut(&World)) -> StepResult {
+        self.step += 1;
+        let outcome = self.run(path, gripper, &mut record);
+        let success = outcome.is_ok() && self.world.success();
+        StepResult {
+            reward: f32::from(u8::from(success)),
+            terminated: success || outcome.is_err(),
+            truncated: !success && outcome.is_ok() && self.step >= EPISODE_LENGTH,
+            invalid: outcome.err(),
+        }
+    }
+
+    /// Follows the path, stopping as soon as the task is done, then moves the gripper.
+    fn run(&mut self, path: &JointPath, gripper: Gripper, record: &mut impl FnMut(&World)) -> Result<(), InvalidAction> {
+        if path.start().max_joint_distance(self.world.config()) > START_TOLERANCE {
+            return Err(InvalidAction::StartMismatch);
+        }
+        if !path.configs().iter().all(|config| self.robot.within_limits(config)) {
+            return Err(InvalidAction::OutsideLimits);
+        }
+        let timed = TimedPath::new(path.clone(), self.robot, &self.timing).expect("the environment's timing is positive");
+        let dt = f64::from(self.params.dt);
+        let steps = libm::ceil(timed.duration_secs() / dt) as usize;
+        let per_control = self.params.steps_per_control();
+        for i in 1..=steps {
+            self.world.step(&timed.config_at(i as f64 * dt))?;
+            if i % per_control == 0 || i == steps {
+                record(&self.world);
+                if self.world.success() {
+                    return Ok(());
+                }
+            }
+        }
+        self.move_gripper(gripper)?;
+        record(&self.world);
+        Ok(())
+    }
+
+    fn move_gripper(&mut self, gripper: Gripper) -> Result<(), InvalidAction> {
+        self.world.command_gripper(gripper);
+        let config = *self.world.config();
+        let most = (GRIPPER_TIMEOUT_SECS / self.params.dt) as usize;
+        for i in 0..most {
+            self.world.step(&config)?;
+            if self.world.gripper_settled() && i >= self.params.steps_per_control() {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    fn view(&mut self, camera: &'static str) -> View {
+        let world_from_flange = Pose3::from(self.robot.flange(self.world.config()));
+        let camera = Camera::by_name(camera, self.robot, &world_from_flange).expect("camera names were checked at construction");
+        let items = self.drawing.items(&self.world);
+        self.drawing.renderer.render(&camera, &items).view
+    }
+
+    /// Items of a picture: every visible part of scene and robot. Ids are 1 + body index, then the robot's frames.
+    ///
+    /// # Errors
+    ///
+    /// When a shape has no volume.
+    pub fn picture_items(world: &World, renderer: &mut Renderer) -> Result<Vec<Item>> {
+        let mut items = Vec::new();
+        let robot = world.robot_items();
+        let n_bodies = world.spec().bodies.len();
+        let scene = world.scene_items().map(|(idx, pose, parts)| (idx, pose, parts.to_vec()));
+        let robot = robot.into_iter().enumerate().map(|(idx, (pose, parts))| (n_bodies + idx, pose, parts));
+        for (idx, pose, parts) in scene.chain(robot) {
+            for part in parts {
+                let mesh = renderer.mesh(&part.shape)?;
+                items.push(Item { mesh, world_from_mesh: pose * part.pose, rgb: part.rgb, id: 1 + idx as u16 });
+            }
+        }
+        Ok(items)
+    }
+}
+
+impl Drawing {
+    fn new(world: &World) -> Result<Self> {
+        let mut renderer = Renderer::new(Detail::Observation);
+        let scene = world.scene_items().map(|(_, _, parts)| parts.to_vec());
+        let robot = world.robot_items().into_iter().map(|(_, parts)| parts);
+        let mut bodies = Vec::new();
+        for parts in scene.chain(robot) {
+            let meshes: Result<Vec<_>> =
+                parts.iter().map(|part| Ok((renderer.mesh(&part.shape)?, part.pose, part.rgb))).collect();
+            bodies.push(meshes?);
+        }
+        Ok(Self { renderer, bodies })
+    }
+
+    fn items(&self, world: &World) -> Vec<Item> {
+        let scene = world.scene_items().map(|(_, pose, _)| pose);
+        let robot = world.robot_poses();
+        let mut items = Vec::new();
+        for (idx, (pose, parts)) in scene.chain(robot).zip(&self.bodies).enumerate() {
+            let id = 1 + idx as u16;
+            items.extend(parts.iter().map(|(mesh, part, rgb)| Item {
+                mesh: *mesh,
+                world_from_mesh: pose * *part,
+                rgb: *rgb,
+                id,
+            }));
+        }
+        items
+    }
+}
+
+/// Lets the scene come to rest; the arm stands still.
+fn settled(mut world: World) -> World {
+    let config = *world.config();
+    for _ in 0..SETTLE_STEPS {
+        // Nothing touches the arm in its start posture, so a reason to abort cannot arise.
+        let _ = world.step(&config);
+    }
+    world
+}
+
+impl Environment for SimEnvironment {
+    fn robot(&self) -> &'static Robot {
+        self.robot
+    }
+
+    fn reset(&mut self, seed: u64) -> Result<()> {
+        let timing = self.timing.clone();
+        *self = Self { timing, ..Self::new(self.task, self.robot, seed, &self.cameras, &self.params)? };
+        Ok(())
+    }
+
+    fn observe(&mut self) -> Observation {
+        let views = self.cameras.clone().into_iter().map(|camera| self.view(camera)).collect();
+        let width = self.world.gripper_width();
+        let proprio = Proprio {
+            joints: *self.world.config(),
+            gripper_width: width,
+            gripper_open: Proprio::openness(width, self.robot.gripper.max_width),
+            finger_positions: [0.5 * width; 2],
+            grip: self.robot.grip(self.world.config()),
+            time: time_feature(self.step, EPISODE_LENGTH),
+        };
+        Observation { views, proprio }
+    }
+
+    fn step(&mut self, path: &JointPath, gripper: Gripper) -> StepResult {
+        self.step_recorded(path, gripper, |_| {})
+    }
+
+    fn demonstrated_goal(&self) -> Option<NextBestPose> {
+        self.plan.goals.get(self.step).copied()
+    }
+}

@@ -1,0 +1,89 @@
+//! Can any candidate do it? Every candidate of a keyframe, executed from a snapshot, without learning.
+
+use super::demonstrator::demonstrate;
+use super::env::SimEnvironment;
+use super::world::Holding;
+use crate::env::{Environment as _, StepResult};
+use crate::path::{CandidateSet, CandidateSettings, CandidateStreams, PathQuery, Source, candidates, linear_candidate};
+use crate::q_attention::NextBestPose;
+use crate::rng::{Stream, stream};
+
+/// A snapshot in which the demonstrator's next keyframe is `goal`.
+#[derive(Debug, Clone)]
+pub struct KeyframeSnapshot {
+    /// The environment before the keyframe's motion.
+    pub env: SimEnvironment,
+    /// The demonstrator's goal.
+    pub goal: NextBestPose,
+    /// Whether this is the demonstrator's last keyframe, whose motion should do the task.
+    pub is_last: bool,
+    /// What the demonstrator held after the keyframe.
+    pub holds: bool,
+}
+
+/// The snapshots of a demonstration in `env`, which has just been reset; `None` when the demonstration fails.
+#[must_use]
+pub fn keyframe_snapshots(env: &SimEnvironment, seed: u64) -> Option<Vec<KeyframeSnapshot>> {
+    let mut worker = env.clone();
+    let demo = demonstrate(&mut worker, &mut stream(seed, Stream::Demo, 0));
+    if !demo.success {
+        return None;
+    }
+    let mut snapshots = Vec::new();
+    let mut start = 0;
+    for (step, &end) in demo.waypoint_frames.iter().enumerate() {
+        snapshots.push(KeyframeSnapshot {
+            env: env.at(demo.frames[start].clone(), step),
+            goal: env.plan().goals[step],
+            is_last: step + 1 == env.plan().goals.len(),
+            holds: demo.frames[end].holding() != Holding::Nothing,
+        });
+        start = end;
+    }
+    Some(snapshots)
+}
+
+/// What became of one candidate.
+#[derive(Debug, Clone)]
+pub struct Trial {
+    /// Where the path came from.
+    pub source: Source,
+    /// What the environment said.
+    pub result: StepResult,
+    /// Whether it did what the demonstrator did: the task at the last keyframe, else the same grasp without an invalid action.
+    pub success: bool,
+}
+
+/// The candidates of a keyframe with what became of each, and of the straight line of the grip.
+#[derive(Debug, Clone)]
+pub struct KeyframeTrials {
+    /// The candidate set.
+    pub set: CandidateSet,
+    /// One trial for each candidate of the set, in its order.
+    pub trials: Vec<Trial>,
+    /// The straight line; `None` when the arm cannot follow it.
+    pub linear: Option<Trial>,
+}
+
+impl KeyframeSnapshot {
+    /// Executes every candidate from this snapshot.
+    #[must_use]
+    pub fn execute_all(&self, settings: &CandidateSettings, streams: CandidateStreams) -> KeyframeTrials {
+        let mut env = self.env.clone();
+        let scene = env.obstacles(Some(&self.goal.pose));
+        let start = *env.world().config();
+        let query = PathQuery { robot: env.robot(), start, goal: self.goal.pose, scene: &scene, policy_path: None };
+        let set = candidates(&query, settings, streams);
+        let trials = set.candidates.iter().map(|candidate| self.execute(candidate.source, &candidate.path)).collect();
+        let linear = linear_candidate(&query, settings).ok().map(|candidate| self.execute(Source::Linear, &candidate.path));
+        KeyframeTrials { set, trials, linear }
+    }
+
+    fn execute(&self, source: Source, path: &crate::path::JointPath) -> Trial {
+        let mut env = self.env.clone();
+        let result = env.step(path, self.goal.gripper);
+        let same_grasp = result.invalid.is_none() && (env.world().holding() != Holding::Nothing) == self.holds;
+        let success = if self.is_last { result.reward > 0.0 } else { result.reward > 0.0 || same_grasp };
+        Trial { source, result, success }
+    }
+}

@@ -1,0 +1,146 @@
+//! The command line: one file per command.
+//!
+//! A command returns a report, which is printed as one JSON object (`--json`) or as a short table. Exit status 0: done,
+//! 1: failed, 2: wrong usage. A failure is one line on standard error that names the value at fault.
+
+mod fk;
+mod ik;
+mod robots;
+
+use crate::files::FileError;
+use clap::{Args, Parser, Subcommand};
+use core::fmt::Display;
+use lpr_core::robot::{ROBOTS, Robot};
+use serde::Serialize;
+use std::ffi::OsString;
+use std::io::{self, Write as _};
+use std::process::ExitCode;
+use thiserror::Error;
+
+/// What `lpr` alone prints.
+const INTRODUCTION: &str = "\
+lpr: robot arms that learn manipulation from a few demonstrations on a CPU (C2F-ARM with Learned Path Ranking).
+  lpr robots                the built-in arms and their joint limits
+  lpr fk --configs FILE     where the flange is in given configurations
+  lpr ik --poses FILE       configurations that bring the flange to given poses
+  lpr help [COMMAND]        every command and option; --json prints one JSON object instead of a table";
+
+#[derive(Debug, Parser)]
+#[command(name = "lpr", version, about = "Robot arms that learn manipulation from a few demonstrations on a CPU")]
+struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+    /// Print exactly one JSON object on standard output
+    #[arg(long, global = true)]
+    json: bool,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// List the built-in robots
+    Robots,
+    /// Forward kinematics of the flange
+    Fk(fk::Arguments),
+    /// Inverse kinematics of the flange
+    Ik(ik::Arguments),
+}
+
+impl Command {
+    fn run(&self, format: Format) -> Result<()> {
+        match self {
+            Self::Robots => print(&robots::run(), format),
+            Self::Fk(arguments) => print(&fk::run(arguments)?, format),
+            Self::Ik(arguments) => print(&ik::run(arguments)?, format),
+        }
+    }
+}
+
+/// The option that chooses the arm.
+#[derive(Debug, Clone, Copy, Args)]
+struct RobotArgument {
+    /// The arm: xarm7 or panda
+    #[arg(long, value_name = "NAME", value_parser = Robot::by_name, default_value = ROBOTS[0].name)]
+    robot: &'static Robot,
+}
+
+/// How a report is printed.
+#[derive(Debug, Clone, Copy)]
+enum Format {
+    Json,
+    Table,
+}
+
+/// Why a command failed.
+#[derive(Debug, Error)]
+enum Failure {
+    /// Input that the algorithms refuse.
+    #[error(transparent)]
+    Core(#[from] lpr_core::Error),
+    /// A file that cannot be read or written.
+    #[error(transparent)]
+    File(#[from] FileError),
+    /// Standard output is closed or full.
+    #[error("cannot write to standard output: {0}")]
+    Output(#[from] io::Error),
+}
+
+type Result<T, E = Failure> = core::result::Result<T, E>;
+
+/// Runs the command line `arguments`, of which the first is the program's name.
+pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let cli = match Cli::try_parse_from(arguments) {
+        Ok(cli) => cli,
+        Err(error) => return refuse(&error),
+    };
+    let format = if cli.json { Format::Json } else { Format::Table };
+    let done = match &cli.command {
+        Some(command) => command.run(format),
+        None => print_line(INTRODUCTION),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            report_error(&failure.to_string());
+            ExitCode::FAILURE
+        }
+    }
+}
+
+/// Answers wrong usage with status 2, and `--help` and `--version`, which clap also calls errors, with 0.
+fn refuse(error: &clap::Error) -> ExitCode {
+    if !error.use_stderr() {
+        return if print_line(error.to_string().trim_end()).is_ok() { ExitCode::SUCCESS } else { ExitCode::FAILURE };
+    }
+    // clap's message is followed by paragraphs of tips, usage and a pointer to --help.
+    let message = error.to_string();
+    let said: Vec<_> = message
+        .split("\n\n")
+        .map(str::trim)
+        .filter(|paragraph| !paragraph.is_empty() && !paragraph.starts_with("Usage:") && !paragraph.starts_with("For more"))
+        .collect();
+    let message = said.join("; ");
+    report_error(message.strip_prefix("error: ").unwrap_or(&message));
+    ExitCode::from(2)
+}
+
+/// Prints the one line that a failure prints.
+fn report_error(message: &str) {
+    let line = message.split_whitespace().collect::<Vec<_>>().join(" ");
+    // With standard error closed there is no one left to tell.
+    let _ = writeln!(io::stderr(), "error: {line}");
+}
+
+fn print<R: Serialize + Display>(report: &R, format: Format) -> Result<()> {
+    match format {
+        Format::Json => print_line(&serde_json::to_string(report).map_err(io::Error::from)?),
+        Format::Table => print_line(report.to_string().trim_end()),
+    }
+}
+
+/// Prints on standard output; a reader that has seen enough (`lpr … | head`) is no failure.
+fn print_line(text: &str) -> Result<()> {
+    match writeln!(io::stdout(), "{text}") {
+        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(error.into()),
+        _ => Ok(()),
+    }
+}

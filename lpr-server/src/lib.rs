@@ -1,0 +1,10 @@
+//! The `lpr` command line and what it needs of the outside world: files, pictures and logs.
+//!
+//! [`lpr_core`] does the work and never touches a file; everything here reads its input, calls it and writes the result.
+
+pub mod cli;
+pub mod files;
+pub mod formats;
+pub mod images;
+pub mod metrics;
+pub mod tensorboard;
