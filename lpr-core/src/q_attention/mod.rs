@@ -34,3 +34,6 @@ pub struct NextBestPose {
     /// Command given when the pose is reached.
     pub gripper: Gripper,
 }
+
+#[cfg(all(test, feature = "learn"))]
+mod tests;

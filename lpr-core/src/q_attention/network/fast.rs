@@ -71,7 +71,7 @@ impl FastNetwork {
             blocks: Dense::new(NEAR * b, b, KAIMING, device, rng),
             up: Dense::new(b, BLOCK * c, KAIMING, device, rng),
             merge: Dense::new(NEAR * c, c, KAIMING, device, rng),
-            translation: Dense::new(c, BLOCK, Spread::Xavier, device, rng),
+            translation: Dense::new(c, BLOCK, Spread::Zero, device, rng),
             head: head.map(|head| FastHead::new(sizes, head, device, rng)),
             side,
         }
@@ -136,8 +136,8 @@ impl FastHead {
         Self {
             narrow: Dense::new(sizes.block_channels, head.head_channels, KAIMING, device, rng),
             hidden: Dense::new(n_features, head.hidden, KAIMING, device, rng),
-            rotation: Dense::new(head.hidden, 3 * n_coefficients, Spread::Xavier, device, rng),
-            gripper: Dense::new(head.hidden, 2, Spread::Xavier, device, rng),
+            rotation: Dense::new(head.hidden, 3 * n_coefficients, Spread::Zero, device, rng),
+            gripper: Dense::new(head.hidden, 2, Spread::Zero, device, rng),
             rotation_bins: head.rotation_bins,
             harmonics: head.harmonics,
         }

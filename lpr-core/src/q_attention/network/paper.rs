@@ -227,3 +227,89 @@ fn global_max(x: Tensor<5>) -> Tensor<2> {
     let [n, c, d, h, w] = x.dims();
     x.reshape([n, c, d * h * w]).max_dim(2).reshape([n, c])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::nn::golden::assert_close;
+    use crate::nn::{Backend, export, import, values};
+    use crate::rng::{Stream, stream};
+
+    use serde::Deserialize;
+
+    fn network(sizes: PaperSizes) -> PaperNetwork {
+        PaperNetwork::new(sizes, &Backend::Flex.device(), &mut stream(0, Stream::Init, 0))
+    }
+
+    #[test]
+    fn released_sizes_have_the_released_number_of_parameters() {
+        let sizes = PaperSizes { side: 16, channels: 64, bottleneck: 32, hidden: 128, rotation_bins: None };
+        assert_eq!(network(sizes).num_params(), 879_553);
+        let last = network(PaperSizes { rotation_bins: Some(72), ..sizes });
+        assert_eq!(last.num_params(), 1_186_459);
+        // 1.80 GMAC without the biases.
+        assert!((1.79e9..1.82e9).contains(&(last.macs() as f64)), "{}", last.macs());
+    }
+
+    /// `n` values of a sine.
+    fn wave(n: usize, step: f64, start: f64, scale: f64) -> Vec<f32> {
+        (0..n).map(|i| (libm::sin(step * i as f64 + start) * scale) as f32).collect()
+    }
+
+    #[derive(Deserialize)]
+    struct Golden {
+        translation: Vec<f32>,
+        pose: Vec<f32>,
+        loss: f32,
+        slopes: Vec<f32>,
+    }
+
+    #[test]
+    fn values_and_gradients_are_those_of_pytorch() {
+        let golden: Golden =
+            serde_json::from_str(include_str!("../../../../tests/golden/q_network.json")).expect("a golden file");
+        let network = network(PaperSizes { side: 8, channels: 4, bottleneck: 3, hidden: 5, rotation_bins: Some(4) });
+        let mut weights = export(&network);
+        let mut fan_in = 1;
+        for (k, tensor) in weights.iter_mut().enumerate() {
+            // A bias follows the weight that it belongs to.
+            fan_in = match tensor.shape[..] {
+                [fan_in, _] => fan_in,
+                [_, c_in, kernel, _, _] => c_in * kernel * kernel * kernel,
+                _ => fan_in,
+            };
+            tensor.values = wave(tensor.values.len(), 0.7, 1.3 * k as f64, 1.0 / (fan_in as f64).sqrt());
+        }
+        let leaves = import(network, &weights).expect("its own tensors").train();
+        let device = Backend::Flex.device().autodiff();
+        let input = NetworkInput {
+            voxels: tensor(wave(2 * 10 * 512, 0.11, 0.5, 1.0), [2, 10, 512], &device),
+            proprio: tensor(wave(22, 0.3, 0.0, 1.0), [2, 11], &device),
+        };
+        let output = leaves.forward(input);
+        let pose = output.pose.expect("a pose head");
+        let pose = Tensor::cat(vec![pose.rotation.reshape([2, 12]), pose.gripper], 1);
+        let loss = output.translation.clone().square().mean() + pose.clone().square().mean();
+        let some = values(output.translation).into_iter().step_by(7).collect::<Vec<_>>();
+        assert_close("translation", &some, &golden.translation, 1e-5);
+        assert_close("pose", &values(pose), &golden.pose, 1e-4);
+        assert_close("loss", &values(loss.clone()), &[golden.loss], 1e-5);
+        let slopes = slopes(&leaves, loss);
+        assert_close("slopes", &slopes, &golden.slopes, 1e-3);
+    }
+
+    /// The gradient of each parameter along a wave.
+    fn slopes(leaves: &PaperNetwork, loss: Tensor<1>) -> Vec<f32> {
+        struct Slopes(burn::tensor::Gradients, Vec<f32>);
+        impl burn::module::ModuleVisitor for Slopes {
+            fn visit_float<const D: usize>(&mut self, param: &burn::module::Param<Tensor<D>>) {
+                let gradient = values(param.val().grad(&self.0).expect("the loss depends on every parameter"));
+                let wave = wave(gradient.len(), 0.9, 0.2, 1.0);
+                self.1.push(gradient.iter().zip(wave).map(|(gradient, wave)| gradient * wave).sum());
+            }
+        }
+        let mut slopes = Slopes(loss.backward(), Vec::new());
+        leaves.visit(&mut slopes);
+        slopes.1
+    }
+}
