@@ -146,7 +146,7 @@ impl Networks {
     /// # Errors
     ///
     /// When settings cannot work.
-    pub fn new(config: &Config, robot: &Robot, method: Method, poses: PoseSource, init: Init) -> Result<Self> {
+    pub fn new(config: &Config, robot: &'static Robot, method: Method, poses: PoseSource, init: Init) -> Result<Self> {
         let rng = |network| stream(init.seed, Stream::Init, network);
         let q_attention = (poses == PoseSource::Learned)
             .then(|| QAttention::new(config.q_attention.clone(), VoxelBounds::scene(robot), init.backend, &mut rng(0)));

@@ -13,7 +13,7 @@ use lpr_core::nn::Backend;
 use lpr_core::path::Source;
 use lpr_core::robot::Robot;
 use lpr_core::sim::tasks::Task;
-use lpr_core::sim::{SimEnvironment, SimParams};
+use lpr_core::sim::{EpisodeLimit, SimEnvironment, SimParams};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -66,13 +66,26 @@ pub(super) struct EvalReport {
 }
 
 /// The simulator with a configuration's settings.
-pub(super) fn simulator(task: &'static Task, robot: &'static Robot, seed: u64, config: &Config) -> Result<SimEnvironment> {
+pub(super) fn simulator(
+    task: &'static Task,
+    robot: &'static Robot,
+    poses: PoseSource,
+    config: &Config,
+) -> Result<SimEnvironment> {
+    /// Any scene: every episode is reset to its own.
+    const FIRST_SCENE: u64 = 1000;
     let params: SimParams = config
         .simulator
         .clone()
         .try_into()
         .map_err(|error: toml::de::Error| lpr_core::Error::Config(format!("simulator: {}", error.message())))?;
-    Ok(SimEnvironment::new(task, robot, seed, &["front"], &params)?)
+    let mut environment = SimEnvironment::new(task, robot, FIRST_SCENE, &["front"], &params)?;
+    environment.set_timing(config.timing.clone());
+    environment.set_limit(match poses {
+        PoseSource::Learned => EpisodeLimit::Steps,
+        PoseSource::Oracle => EpisodeLimit::Keyframes,
+    });
+    Ok(environment)
 }
 
 /// The report of an evaluation.
@@ -102,8 +115,8 @@ const fn source_name(source: Source) -> &'static str {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<EvalReport> {
-    let Subject { agent, task, robot, config, method } = subject(arguments)?;
-    let mut environment = simulator(task, robot, arguments.seed, &config)?;
+    let Subject { agent, task, robot, config, method, poses } = subject(arguments)?;
+    let mut environment = simulator(task, robot, poses, &config)?;
     let seeds = arguments.seed..arguments.seed + arguments.episodes;
     let found = if method == BEST_OF_ALL {
         best_of_all(&agent, &mut environment, seeds.clone(), |_| {})?
@@ -124,6 +137,7 @@ struct Subject {
     robot: &'static Robot,
     config: Config,
     method: String,
+    poses: PoseSource,
 }
 
 fn subject(arguments: &Arguments) -> Result<Subject> {
@@ -134,7 +148,8 @@ fn subject(arguments: &Arguments) -> Result<Subject> {
     let task = Task::by_name(&saved.header.run.task)?;
     let robot = Robot::by_name(&saved.header.robot)?;
     let method = saved.header.run.method.name().to_owned();
-    Ok(Subject { agent: saved.agent, task, robot, config: saved.header.config, method })
+    let poses = saved.header.run.poses;
+    Ok(Subject { agent: saved.agent, task, robot, config: saved.header.config, method, poses })
 }
 
 /// A method without weights, on the demonstrator's poses.
@@ -151,7 +166,7 @@ fn untrained(arguments: &Arguments) -> Result<Subject> {
     let init = Init { backend: Backend::Flex, seed: arguments.seed };
     let networks = Networks::new(&config, robot, method, PoseSource::Oracle, init)?;
     let agent = Agent::new(&config, robot, method, networks);
-    Ok(Subject { agent, task, robot, config, method: name })
+    Ok(Subject { agent, task, robot, config, method: name, poses: PoseSource::Oracle })
 }
 
 impl fmt::Display for EvalReport {
@@ -173,4 +188,3 @@ impl fmt::Display for EvalReport {
         Ok(())
     }
 }
-

@@ -3,9 +3,11 @@
 //! A command returns a report, which is printed as one JSON object (`--json`) or as a short table. Exit status 0: done,
 //! 1: failed, 2: wrong usage. A failure is one line on standard error that names the value at fault.
 
+mod eval;
 mod fk;
 mod ik;
 mod robots;
+mod train;
 
 use crate::files::FileError;
 use clap::{Args, Parser, Subcommand};
@@ -43,6 +45,10 @@ enum Command {
     Fk(fk::Arguments),
     /// Inverse kinematics of the flange
     Ik(ik::Arguments),
+    /// Train an agent on a task
+    Train(Box<train::Arguments>),
+    /// Evaluate a trained agent, or a method with the demonstrator's poses
+    Eval(eval::Arguments),
 }
 
 impl Command {
@@ -51,6 +57,8 @@ impl Command {
             Self::Robots => print(&robots::run(), format),
             Self::Fk(arguments) => print(&fk::run(arguments)?, format),
             Self::Ik(arguments) => print(&ik::run(arguments)?, format),
+            Self::Train(arguments) => print(&train::run(arguments)?, format),
+            Self::Eval(arguments) => print(&eval::run(arguments)?, format),
         }
     }
 }

@@ -153,8 +153,8 @@ impl<'a> Session<'a> {
         if let Some(demos) = arguments.demos {
             config.training.demonstrations = demos;
         }
-        let environment = simulator(arguments.task, arguments.robot.robot, VALIDATION_SEEDS, &config)?;
         let poses = if arguments.oracle_poses { PoseSource::Oracle } else { PoseSource::Learned };
+        let environment = simulator(arguments.task, arguments.robot.robot, poses, &config)?;
         let run = Run {
             task: arguments.task.name.to_owned(),
             method: arguments.method,
@@ -179,7 +179,7 @@ impl<'a> Session<'a> {
             let (found, asked) = (&header.run.task, arguments.task.name);
             return Err(lpr_core::Error::Checkpoint(format!("of task `{found}`, asked to resume `{asked}`")).into());
         }
-        let environment = simulator(arguments.task, arguments.robot.robot, VALIDATION_SEEDS, &header.config)?;
+        let environment = simulator(arguments.task, arguments.robot.robot, header.run.poses, &header.config)?;
         let trainer = Trainer::resume(&checkpoint, environment.clone())?;
         let metrics = MetricsWriter::resume(&arguments.out, step)?;
         let events = EventWriter::resume(&arguments.out, step)?;
