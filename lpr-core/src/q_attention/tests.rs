@@ -57,7 +57,7 @@ fn one_keyframe_is_learned() {
     let reports = (0..100).map(|update| agent.update(&batch, &mut stream(1, Stream::Augment, update))).collect::<Vec<_>>();
     assert!(reports.iter().all(|report| report.mean_target == 1.0), "every row is terminal and rewarded");
     for (observation, goal) in &scenes {
-        let chosen = agent.act(observation).goal;
+        let chosen = agent.act(observation, Weights::Online).goal;
         let near = agent.codec().quantise(goal).expect("inside the bounds");
         let distance = chosen.pose.translation.distance(near.pose.translation);
         // 3.75 cm: the side of a voxel of the last depth.
@@ -83,9 +83,28 @@ fn ten_updates_are_the_same_bits_twice() {
 }
 
 #[test]
+fn a_restored_agent_goes_on_bit_by_bit() {
+    let mut straight = agent(test_settings());
+    let scenes = (0..2).map(scene).collect::<Vec<_>>();
+    let batch = scenes.iter().map(terminal).collect::<Vec<_>>();
+    straight.update(&batch, &mut stream(1, Stream::Augment, 0));
+    let rng = &mut stream(77, Stream::Init, 0);
+    let bounds = VoxelBounds::scene(&PANDA);
+    let mut resumed = QAttention::new(test_settings(), bounds, Backend::Flex, rng).expect("the same settings");
+    assert_ne!(resumed.state(), straight.state());
+    resumed.restore(&straight.state()).expect("a state of the same settings");
+    for update in 1..3 {
+        let rng = || stream(1, Stream::Augment, update);
+        assert_eq!(straight.update(&batch, &mut rng()), resumed.update(&batch, &mut rng()));
+    }
+    let mut other = agent(QAttentionSettings { zoom_half_widths: vec![], ..test_settings() });
+    assert!(other.restore(&straight.state()).is_err());
+}
+
+#[test]
 fn a_decision_is_the_best_of_its_values() {
     let agent = agent(test_settings());
-    let decision = agent.act(&scene(0).0);
+    let decision = agent.act(&scene(0).0, Weights::Target);
     assert_eq!(decision.depths.len(), 2);
     for (depth, voxel) in decision.depths.iter().zip(&decision.action.voxels) {
         let best = depth.values[depth.grid.space.flat_from_voxel(*voxel)];
@@ -96,7 +115,7 @@ fn a_decision_is_the_best_of_its_values() {
         assert!(values.iter().all(|value| *value <= values[bin]));
     }
     assert_eq!(agent.codec().decode(&decision.action), decision.goal);
-    assert_eq!(agent.act(&scene(0).0).goal, decision.goal);
+    assert_eq!(agent.act(&scene(0).0, Weights::Target).goal, decision.goal);
 }
 
 #[test]
