@@ -79,7 +79,7 @@ fn settings(argument: &dyn Fn(usize, f32) -> f32) -> QAttentionSettings {
         weight_decay: 1e-6,
         gradient_clip: None,
         target_mix: 0.02,
-        translation_regularisation: argument(11, 20.0),
+        translation_regularisation: vec![argument(11, 4.0), argument(12, 0.5)],
         rotation_regularisation: argument(3, 0.3),
         crop_jitter: argument(4, 0.33),
         yaw_range: argument(5, PI / 4.0),

@@ -1,7 +1,7 @@
 //! The agent: one online and one target network per depth, acting from the coarse grid to the fine one, learning by updates.
 
 use super::batch::{Augmented, QSample};
-use super::loss::{Choices, chosen_values, depth_loss, td_target};
+use super::loss::{Choices, Regularisation, chosen_values, depth_loss, td_target};
 use super::network::{Heads, NetworkCost, NetworkInput, QNetwork, QValues};
 use super::{ActionCodec, DiscreteAction, NextBestPose, QAttentionSettings, QObservation};
 use crate::error::{Error, Result};
@@ -300,7 +300,12 @@ impl QAttention {
         let leaves = depth.online.clone().train();
         let values = leaves.forward(input);
         let choices = labels(depth_idx, batch, values.pose.is_some(), &device);
-        let loss = depth_loss(&values, &choices, tensor(targets, [n], &device), tensor(weights, [n], &device), &self.settings);
+        let regularisation = Regularisation {
+            translation: self.settings.translation_regularisation[depth_idx],
+            rotation: self.settings.rotation_regularisation,
+        };
+        let [targets, weights] = [targets, weights].map(|column| tensor(column, [n], &device));
+        let loss = depth_loss(&values, &choices, targets, weights, regularisation);
         let gradients = loss.total.backward();
         depth.online = depth.adam.step(depth.online.clone(), &leaves, gradients);
         depth.target = mix(depth.target.clone(), &depth.online, self.settings.target_mix);

@@ -97,7 +97,8 @@ fn a_restored_agent_goes_on_bit_by_bit() {
         let rng = || stream(1, Stream::Augment, update);
         assert_eq!(straight.update(&batch, &mut rng()), resumed.update(&batch, &mut rng()));
     }
-    let mut other = agent(QAttentionSettings { zoom_half_widths: vec![], ..test_settings() });
+    let mut other =
+        agent(QAttentionSettings { zoom_half_widths: vec![], translation_regularisation: vec![1.0], ..test_settings() });
     assert!(other.restore(&straight.state()).is_err());
 }
 
@@ -132,7 +133,7 @@ fn gradients_of_the_loss_are_its_differences() {
     tensors.iter_mut().flat_map(|tensor| &mut tensor.values).for_each(|value| *value += rng.random_range(-0.1..0.1));
     let network = import(network, &tensors).expect("its own tensors");
     let leaves = network.clone().train();
-    let gradients = loss_of(&leaves, &settings, &plain.clone().autodiff()).backward();
+    let gradients = loss_of(&leaves, &plain.clone().autodiff()).backward();
     let gradients = collect(&leaves, gradients);
     let step = 2e-3;
     let moved = |k: usize, by: f32| {
@@ -141,7 +142,7 @@ fn gradients_of_the_loss_are_its_differences() {
         let norm = gradients[k].iter().map(|g| g * g).sum::<f32>().sqrt().max(1e-9);
         tensors[k].values.iter_mut().zip(&gradients[k]).for_each(|(value, g)| *value += by * g / norm);
         let network = import(network.clone(), &tensors).expect("its own tensors");
-        values(loss_of(&network, &settings, &plain))[0]
+        values(loss_of(&network, &plain))[0]
     };
     for (k, gradient) in gradients.iter().enumerate() {
         let norm = gradient.iter().map(|g| g * g).sum::<f32>().sqrt();
@@ -150,7 +151,7 @@ fn gradients_of_the_loss_are_its_differences() {
     }
 }
 
-fn loss_of(network: &QNetwork, settings: &QAttentionSettings, device: &burn::tensor::Device) -> Tensor<1> {
+fn loss_of(network: &QNetwork, device: &burn::tensor::Device) -> Tensor<1> {
     let rng: &mut Rng = &mut stream(4, Stream::Noise, 0);
     let n_voxels = 512;
     let random = |n: usize, rng: &mut Rng| (0..n).map(|_| rng.random_range(-1.0..1.0)).collect::<Vec<f32>>();
@@ -168,7 +169,8 @@ fn loss_of(network: &QNetwork, settings: &QAttentionSettings, device: &burn::ten
     };
     let targets = tensor(vec![1.0, 0.3], [2], device);
     let weights = tensor(vec![1.0, 0.5], [2], device);
-    depth_loss(&network.forward(input), &choices, targets, weights, settings).total
+    let regularisation = loss::Regularisation { translation: 1.0, rotation: 1.0 };
+    depth_loss(&network.forward(input), &choices, targets, weights, regularisation).total
 }
 
 fn collect(leaves: &QNetwork, gradients: Gradients) -> Vec<Vec<f32>> {
