@@ -318,3 +318,6 @@ impl Updates {
         metrics.push_mean("losses/policy", self.paths.iter().filter_map(|update| update.policy));
     }
 }
+
+#[cfg(test)]
+pub(crate) mod tests;
