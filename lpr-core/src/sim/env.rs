@@ -276,6 +276,7 @@ impl Environment for SimEnvironment {
     }
 
     fn demonstrated_goal(&self) -> Option<NextBestPose> {
-        self.plan.goals.get(self.step).copied()
+        // After its last keyframe the demonstrator has nothing new to say: the last motion is tried again.
+        self.plan.goals.get(self.step.min(self.plan.goals.len().saturating_sub(1))).copied()
     }
 }
