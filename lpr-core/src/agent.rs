@@ -179,6 +179,12 @@ impl Agent {
         self.method
     }
 
+    /// Where its next-best poses come from.
+    #[must_use]
+    pub const fn poses(&self) -> PoseSource {
+        if self.networks.q_attention.is_some() { PoseSource::Learned } else { PoseSource::Oracle }
+    }
+
     /// The arm that it moves.
     #[must_use]
     pub const fn robot(&self) -> &'static Robot {

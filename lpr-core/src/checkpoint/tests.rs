@@ -1,8 +1,10 @@
 use super::*;
-use crate::agent::Method;
+use crate::agent::{Method, PoseSource};
+use crate::q_attention::NetworkSettings;
 use crate::robot::{PANDA, XARM7};
 use crate::toy::Toy;
-use crate::train::tests::{config, trainer};
+use crate::train::Run;
+use crate::train::tests::{config, run, trainer};
 
 use proptest::prelude::{any, prop, prop_assert, proptest};
 
@@ -46,6 +48,33 @@ fn a_resumed_run_goes_on_bit_by_bit_from_any_step() {
         }
         assert_eq!(straight.checkpoint(), interrupted.checkpoint());
     }
+}
+
+#[test]
+fn learned_poses_go_on_bit_by_bit_too() {
+    let mut straight = attentive();
+    metrics(&mut straight, 3);
+    let checkpoint = straight.checkpoint().expect("a small seed");
+    let mut resumed = Trainer::resume(&checkpoint, Toy::new(&PANDA)).expect("an intact checkpoint");
+    assert_eq!(metrics(&mut straight, 3), metrics(&mut resumed, 3));
+    assert_eq!(straight.checkpoint(), resumed.checkpoint());
+    assert!(straight.updates().q_attention > 0);
+}
+
+/// A trainer that learns poses, too, with a small network.
+fn attentive() -> Trainer<Toy> {
+    let mut config = config();
+    config.training.q_attention_updates_per_step = 1;
+    config.training.q_attention_batch = 2;
+    config.q_attention.voxels_per_side = 8;
+    config.q_attention.rotation_bins = 24;
+    config.q_attention.network =
+        NetworkSettings::Fast { cell_channels: 8, block_channels: 12, head_channels: 4, hidden: 16, harmonics: 4 };
+    let run = Run { poses: PoseSource::Learned, ..run(Method::Lpr, 4) };
+    let mut trainer = Trainer::new(config, run, Toy::new(&PANDA)).expect("valid settings");
+    let demo = Toy::new(&PANDA).demonstration(0).expect("within reach");
+    trainer.add_demonstration(&demo).expect("two keyframes");
+    trainer
 }
 
 #[test]

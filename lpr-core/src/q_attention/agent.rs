@@ -1,5 +1,9 @@
 //! The agent: one online and one target network per depth, acting from the coarse grid to the fine one, learning by updates.
 
+mod state;
+
+pub use state::DepthState;
+
 use super::batch::{Augmented, QSample};
 use super::loss::{Choices, chosen_values, depth_loss, td_target};
 use super::network::{Heads, NetworkCost, NetworkInput, QNetwork, QValues};

@@ -118,6 +118,8 @@ fn scenes_of_training_demonstrations_and_evaluation_are_apart() {
 struct Stuck {
     toy: Toy,
     goal: NextBestPose,
+    /// Poses that the demonstrator still has.
+    n_goals: usize,
 }
 
 impl Stuck {
@@ -125,7 +127,7 @@ impl Stuck {
         let mut toy = Toy::new(&PANDA);
         toy.reset(0).expect("within reach");
         let goal = NextBestPose { gripper: Gripper::Open, pose: PANDA.grip(&PANDA.start).prepend_translation(goal) };
-        Trainer::new(config, run(Method::Lpr, 1), Self { toy, goal }).expect("valid settings")
+        Trainer::new(config, run(Method::Lpr, 1), Self { toy, goal, n_goals: 100 }).expect("valid settings")
     }
 }
 
@@ -143,11 +145,12 @@ impl Environment for Stuck {
     }
 
     fn step(&mut self, path: &JointPath, gripper: Gripper) -> StepResult {
+        self.n_goals -= 1;
         self.toy.step(path, gripper)
     }
 
     fn demonstrated_goal(&self) -> Option<NextBestPose> {
-        Some(self.goal)
+        (self.n_goals > 0).then_some(self.goal)
     }
 }
 
@@ -183,6 +186,17 @@ fn a_pose_out_of_reach_ends_the_episode_and_teaches_no_path() {
     assert_eq!(trainer.learner.paths.added(), 0);
     // And the next episode starts.
     assert_eq!(trainer.step().expect("a scene").progress.episodes, 2);
+}
+
+#[test]
+fn an_episode_ends_when_the_demonstrator_has_no_further_pose() {
+    let mut trainer = Stuck::trainer(config(), Vec3::new(0.0, 0.1, 0.0));
+    trainer.environment().n_goals = 2;
+    assert!(trainer.step().expect("a scene").episode.is_none());
+    let log = trainer.step().expect("a scene");
+    assert_eq!(log.episode.expect("it ended").failure, Some("not_done"));
+    assert!(trainer.learner.paths.rows()[1].terminated());
+    assert!(trainer.step().is_err(), "and no episode can start");
 }
 
 #[test]
