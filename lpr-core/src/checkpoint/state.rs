@@ -119,7 +119,7 @@ impl State {
             weights_digest,
             progress: trainer.progress,
             updates: learner.updates,
-            q_attention: networks.q_attention.as_ref().map(|agent| agent.state().into_iter().map(stored_depth).collect()),
+            q_attention: networks.q_attention.as_ref().map(|agent| agent.state().depths.into_iter().map(stored_depth).collect()),
             ranker: networks.ranker.as_ref().map(|ranker| stored_ranker(ranker.state())),
             policy: networks.policy.as_ref().map(|policy| policy.state().adam),
             steps: steps.iter().map(|step| StoredStep::of(step)).collect(),
@@ -155,11 +155,14 @@ impl State {
     fn restore_networks(&mut self, networks: &mut Networks) -> Result<()> {
         match (&mut networks.q_attention, self.q_attention.take()) {
             (Some(attention), Some(stored)) => {
-                let depths = attention.state().into_iter().zip(stored);
-                let depths: Vec<_> = depths
-                    .map(|(DepthState { online, .. }, StoredLearner { target, adam })| DepthState { online, target, adam })
-                    .collect();
-                attention.restore(&depths)?;
+                let mut state = attention.state();
+                if state.depths.len() != stored.len() {
+                    return Err(damaged(&format!("{} depths of Q-attention, expected {}", stored.len(), state.depths.len())));
+                }
+                for (depth, StoredLearner { target, adam }) in state.depths.iter_mut().zip(stored) {
+                    (depth.target, depth.adam) = (target, adam);
+                }
+                attention.restore(&state)?;
             }
             (None, None) => {}
             _ => return Err(damaged("Q-attention is in one file and not in the other")),

@@ -5,7 +5,6 @@ use crate::agent::{Agent, Init, Networks};
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::nn::NamedTensor;
-use crate::q_attention::QAttention;
 use crate::robot::Robot;
 use crate::train::{Progress, Run, Trainer};
 
@@ -70,12 +69,12 @@ pub fn load_agent(weights: &[u8]) -> Result<SavedAgent> {
     let Run { method, poses, backend, seed, .. } = header.run;
     let mut networks = Networks::new(&header.config, robot, method, poses, Init { backend, seed })?;
     if let Some(attention) = &mut networks.q_attention {
-        let mut depths = attention.state();
-        for (depth_idx, depth) in depths.iter_mut().enumerate() {
+        let mut state = attention.state();
+        for (depth_idx, depth) in state.depths.iter_mut().enumerate() {
             depth.online = take(&mut tensors, &depth_name(depth_idx));
             depth.target.clone_from(&depth.online);
         }
-        attention.restore(&depths)?;
+        attention.restore(&state)?;
     }
     if let Some(ranker) = &mut networks.ranker {
         let mut state = ranker.state();
@@ -99,7 +98,7 @@ pub fn load_agent(weights: &[u8]) -> Result<SavedAgent> {
 pub(super) fn write<E>(trainer: &Trainer<E>) -> Result<Vec<u8>> {
     let networks = &trainer.agent.networks;
     let mut tensors = Vec::new();
-    let depths = networks.q_attention.iter().flat_map(QAttention::state).enumerate();
+    let depths = networks.q_attention.iter().flat_map(|agent| agent.state().depths).enumerate();
     tensors.extend(depths.flat_map(|(depth_idx, depth)| named(&depth_name(depth_idx), depth.online)));
     if let Some(ranker) = &networks.ranker {
         tensors.extend(named("ranker", ranker.state().online));

@@ -141,7 +141,8 @@ mod tests {
         ) {
             let zoom_half_widths = [vec![0.15], vec![0.1, 0.02], vec![]][shape].clone();
             let shift_range = Vec3::new(0.125, 0.125, 0.05);
-            let settings = QAttentionSettings { zoom_half_widths, yaw_range, shift_range, crop_jitter, ..test_settings() };
+            let translation_regularisation = vec![1.0; zoom_half_widths.len() + 1];
+            let settings = QAttentionSettings { zoom_half_widths, translation_regularisation, yaw_range, shift_range, crop_jitter, ..test_settings() };
             let codec = ActionCodec::new(&settings, VoxelBounds::scene(&PANDA)).expect("settings that fit together");
             let rotation = Quat::from_rotation_z(euler[2]) * Quat::from_rotation_y(euler[1]) * Quat::from_rotation_x(euler[0]);
             let (observation, action) = point_and_pose(point, rotation);

@@ -9,6 +9,8 @@ mod gripper;
 mod params;
 mod physics;
 mod placement;
+#[cfg(feature = "learn")]
+pub mod recording;
 pub mod render;
 mod scene_spec;
 pub mod tasks;
