@@ -21,12 +21,13 @@ use crate::path::{
 };
 use crate::perception::{Observation, Proprio, VoxelBounds};
 use crate::policy::Policy;
-use crate::q_attention::{self, NextBestPose, QAttention, QObservation};
+use crate::q_attention::{NextBestPose, QAttention, QDecision, QObservation, Weights};
 use crate::ranker::{RankedPath, Ranker, RankerContext};
 use crate::replay;
 use crate::rng::{Rng, Stream, stream};
 use crate::robot::Robot;
 use crate::scene::{ArmSpheres, Holding, MotionChecker, ObstacleQuery, Scene, obstacle_scene};
+use crate::train::TrainSettings;
 
 use glamx::Vec3;
 use rand::RngExt as _;
@@ -87,6 +88,7 @@ pub struct Agent {
     method: Method,
     candidates: CandidateSettings,
     cloud_spacing: f32,
+    acting_weights: Weights,
     /// The networks; the learner changes them.
     pub networks: Networks,
 }
@@ -97,7 +99,7 @@ pub struct Action {
     /// Where the paths lead and what the gripper does there: `g` in the paper.
     pub goal: NextBestPose,
     /// How Q-attention came to the goal; none with the demonstrator's poses.
-    pub attention: Option<q_attention::Decision>,
+    pub attention: Option<QDecision>,
     /// The situation in which the paths were ranked.
     pub context: RankerContext,
     /// The candidates (`Ξ` in the paper) and what was rejected.
@@ -114,7 +116,7 @@ pub struct Goal {
     /// The pose.
     pub pose: NextBestPose,
     /// The values behind it; none with the demonstrator's poses.
-    pub attention: Option<q_attention::Decision>,
+    pub attention: Option<QDecision>,
 }
 
 impl From<NextBestPose> for Goal {
@@ -169,14 +171,20 @@ impl Agent {
     /// An agent with those networks.
     #[must_use]
     pub fn new(config: &Config, robot: &'static Robot, method: Method, networks: Networks) -> Self {
-        let cloud_spacing = config.training.cloud_spacing;
-        Self { robot, method, candidates: config.candidates.clone(), cloud_spacing, networks }
+        let TrainSettings { cloud_spacing, acting_weights, .. } = config.training;
+        Self { robot, method, candidates: config.candidates.clone(), cloud_spacing, acting_weights, networks }
     }
 
     /// How it chooses.
     #[must_use]
     pub const fn method(&self) -> Method {
         self.method
+    }
+
+    /// Where its next-best poses come from.
+    #[must_use]
+    pub const fn poses(&self) -> PoseSource {
+        if self.networks.q_attention.is_some() { PoseSource::Learned } else { PoseSource::Oracle }
     }
 
     /// The arm that it moves.
@@ -197,7 +205,7 @@ impl Agent {
     /// The next-best pose (line 7); none with the demonstrator's poses.
     #[must_use]
     pub fn goal(&self, observation: &QObservation) -> Option<Goal> {
-        let decision = self.networks.q_attention.as_ref()?.act(observation);
+        let decision = self.networks.q_attention.as_ref()?.act(observation, self.acting_weights);
         Some(Goal { pose: decision.goal, attention: Some(decision) })
     }
 

@@ -77,3 +77,6 @@ impl<E: Environment> Trainer<E> {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -146,6 +146,8 @@ mod tests {
     fn presets_parse_build_and_round_trip() {
         for name in Config::preset_names() {
             let config = Config::preset(name).unwrap_or_else(|error| panic!("{name}: {error}"));
+            #[cfg(feature = "sim")]
+            assert_eq!(config.simulator, SimParams::STANDARD, "{name}: the simulator is the same in every preset");
             assert_eq!(Config::from_toml(&config.to_toml()), Ok(config), "{name}");
         }
     }
@@ -170,7 +172,7 @@ mod tests {
     #[test]
     fn a_misspelt_or_missing_setting_is_named() {
         assert!(refusal("bezier_paths", "bezeir_paths").contains("bezeir_paths"));
-        assert!(refusal("path_len = 30\n", "").contains("path_len"));
+        assert!(refusal("voxels_per_side = 16\n", "").contains("voxels_per_side"));
         assert!(refusal("[policy]", "[polcy]").contains("polcy"));
         assert!(refusal("kind = \"epsilon\"", "kind = \"greedily\"").contains("greedily"));
         assert!(Config::preset("quick").expect_err("unknown").to_string().contains("fast, paper"));

@@ -5,10 +5,10 @@ mod best_of_all;
 pub use best_of_all::{Regret, best_of_all, measure_regret};
 
 use crate::agent::{Action, Agent, Draws};
-use crate::env::{EPISODE_LENGTH, Environment, InvalidAction, StepResult};
+use crate::env::{EPISODE_LENGTH, Environment, StepResult};
 use crate::error::Result;
 use crate::path::{CandidateStreams, Source};
-use crate::train::{demonstrated_goal, failure};
+use crate::train::{demonstrated_goal, execute, failure};
 
 use core::ops::Range;
 use std::collections::BTreeMap;
@@ -25,7 +25,7 @@ pub struct Evaluation {
     pub successes: u64,
     /// Paths that ran, by their generator.
     pub chosen: BTreeMap<Source, u64>,
-    /// Episodes that failed, by reason: names of invalid actions, `timeout` and `failed`.
+    /// Episodes that failed, by reason: names of invalid actions, `timeout` and `not_done`.
     pub failures: BTreeMap<&'static str, u64>,
     /// Environment steps in which the policy's path was among the candidates.
     pub policy_valid: u64,
@@ -105,7 +105,7 @@ pub fn evaluate(
     for seed in seeds {
         let mut run = |environment: &mut _, action: &Action| {
             evaluation.add_action(action);
-            run_action(environment, action)
+            execute(environment, agent.poses(), action)
         };
         let episode = run_episode(agent, environment, seed, &mut run)?;
         evaluation.add(&episode);
@@ -141,14 +141,6 @@ fn decide(agent: &Agent, environment: &mut impl Environment, streams: CandidateS
     let learned = seen.as_ref().and_then(|seen| agent.goal(seen));
     let goal = learned.map_or_else(|| demonstrated_goal(environment), Ok)?;
     agent.act(&observation, goal, Draws::greedy(streams))
-}
-
-/// Executes the chosen path.
-fn run_action(environment: &mut impl Environment, action: &Action) -> StepResult {
-    match action.path() {
-        Some(candidate) => environment.step(&candidate.path, action.goal.gripper),
-        None => StepResult { reward: 0.0, terminated: true, truncated: false, invalid: Some(InvalidAction::NoPath) },
-    }
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@
 use crate::agent::Networks;
 use crate::error::Result;
 use crate::q_attention::{QAttention, QObservation, QSample};
-use crate::replay::{Draw, Replay, ReplaySettings, Transition};
+use crate::replay::{Draw, Replay, ReplaySettings, Step, Transition};
 use crate::rng::{Rng, Stream, stream};
 
 use serde::{Deserialize, Serialize};
@@ -91,13 +91,18 @@ impl Learner {
         }
     }
 
-    /// Keeps a step in which Q-attention chose a pose; `attention` cannot learn from poses outside its bounds.
+    /// Keeps a step in which Q-attention chose a pose, unless `attention` cannot learn from it.
     pub fn push_scene(&mut self, row: &Row, attention: &QAttention) {
-        let is_seen = |step: &crate::replay::Step<Seen>| step.observation.is_some();
-        let goal = &row.step.decision.context.goal;
-        if is_seen(&row.step) && row.next.as_deref().is_none_or(is_seen) && attention.codec().encode(goal).is_some() {
+        if Self::is_scene(row, attention) {
             self.scenes.push(row.clone());
         }
+    }
+
+    /// Whether Q-attention can learn from a row: it was seen, and the pose lies within the bounds of the first depth.
+    pub(crate) fn is_scene(row: &Row, attention: &QAttention) -> bool {
+        let is_seen = |step: &Step<Seen>| step.observation.is_some();
+        let goal = &row.step.decision.context.goal;
+        is_seen(&row.step) && row.next.as_deref().is_none_or(is_seen) && attention.codec().encode(goal).is_some()
     }
 
     /// Transitions added so far.

@@ -141,10 +141,7 @@ impl<E: Environment> Trainer<E> {
         // Line 12: ξ* ← argmax Q^R(Ξ).
         let action = self.agent.act(&observation, goal, self.draws())?;
         // Line 13: o_{t+1}, r ← env.step(ξ*).
-        let result = match action.path() {
-            Some(candidate) => self.environment.step(&candidate.path, action.goal.gripper),
-            None => StepResult { reward: 0.0, terminated: true, truncated: false, invalid: Some(InvalidAction::NoPath) },
-        };
+        let result = execute(&mut self.environment, self.run.poses, &action);
         // Line 14: D ← D ∪ {(o_t, g_t, r, o_{t+1}, ξ*)}, once the episode's end is known.
         episode.push(&action, &observation, seen, &result);
         self.progress.env_steps += 1;
@@ -223,8 +220,10 @@ impl<E: Environment> Trainer<E> {
         const AFTER_THE_END: u64 = 1 << 39;
         let observation = self.environment.observe();
         let seen = self.agent.attended(&observation);
+        // A demonstrator may have no further pose: then nothing follows.
+        let Ok(goal) = self.goal(&seen) else { return Ok(()) };
         let streams = CandidateStreams { seed: self.run.seed, step: AFTER_THE_END | self.progress.env_steps };
-        let action = self.agent.act(&observation, self.goal(&seen)?, Draws::greedy(streams))?;
+        let action = self.agent.act(&observation, goal, Draws::greedy(streams))?;
         episode.push_next(&action, &observation, seen);
         Ok(())
     }
@@ -284,6 +283,17 @@ impl<E> Trainer<E> {
     }
 }
 
+/// Runs the chosen path (line 13). Without a path the episode ends, and so it does when the demonstrator has no further pose.
+pub(crate) fn execute(environment: &mut impl Environment, poses: PoseSource, action: &Action) -> StepResult {
+    let result = match action.path() {
+        Some(candidate) => environment.step(&candidate.path, action.goal.gripper),
+        None => StepResult { reward: 0.0, terminated: true, truncated: false, invalid: Some(InvalidAction::NoPath) },
+    };
+    let goes_on = !result.terminated && !result.truncated;
+    let ends = goes_on && poses == PoseSource::Oracle && environment.demonstrated_goal().is_none();
+    StepResult { terminated: result.terminated || ends, ..result }
+}
+
 /// The demonstrator's pose, for agents without Q-attention.
 pub(crate) fn demonstrated_goal(environment: &impl Environment) -> Result<Goal> {
     let missing = || Error::Environment("no demonstrated pose: this world needs learned poses".to_owned());
@@ -318,3 +328,6 @@ impl Updates {
         metrics.push_mean("losses/policy", self.paths.iter().filter_map(|update| update.policy));
     }
 }
+
+#[cfg(test)]
+pub(crate) mod tests;

@@ -3,13 +3,14 @@
 //! Types of the core are converted to what is stored here, so that none of them has to be built from unchecked bytes.
 
 use super::digest;
+use crate::agent::Networks;
 use crate::error::{Error, Result};
-use crate::learner::{Row, Seen, UpdateCounts};
+use crate::learner::{Learner, Row, Seen, UpdateCounts};
 use crate::nn::{AdamState, NamedTensor};
 use crate::path::{JointPath, Source};
 use crate::perception::{Proprio, VoxelBounds};
 use crate::policy::PolicyState;
-use crate::q_attention::{NextBestPose, QObservation, StoredPoint};
+use crate::q_attention::{DepthState, NextBestPose, QObservation, StoredPoint};
 use crate::ranker::{RankedPath, RankerContext, RankerState};
 use crate::replay::{Decision, Replay, ReplaySettings, ReplayState, Step, TransitionRow, join_steps, split_steps};
 use crate::robot::{Gripper, JointConfig};
@@ -32,7 +33,9 @@ pub(super) struct State {
     pub(super) weights_digest: u64,
     progress: Progress,
     updates: UpdateCounts,
-    ranker: Option<StoredRanker>,
+    /// Each depth of Q-attention.
+    q_attention: Option<Vec<StoredLearner>>,
+    ranker: Option<StoredLearner>,
     policy: Option<AdamState>,
     /// The steps that the rows of all buffers link.
     steps: Vec<StoredStep>,
@@ -42,9 +45,9 @@ pub(super) struct State {
     episode: Option<StoredEpisode>,
 }
 
-/// A ranker without its online network.
+/// What learns beside an online network: that stands with the weights.
 #[derive(Debug, Serialize, Deserialize)]
-struct StoredRanker {
+struct StoredLearner {
     target: Vec<NamedTensor>,
     adam: AdamState,
 }
@@ -110,11 +113,13 @@ impl State {
         let mut rows = rows.into_iter();
         let [paths, successes, scenes] = buffers
             .map(|buffer| StoredBuffer { rows: rows.by_ref().take(buffer.rows().len()).collect(), replay: buffer.state() });
-        let stored_ranker = |RankerState { target, adam, .. }| StoredRanker { target, adam };
+        let stored_depth = |DepthState { target, adam, .. }| StoredLearner { target, adam };
+        let stored_ranker = |RankerState { target, adam, .. }| StoredLearner { target, adam };
         Self {
             weights_digest,
             progress: trainer.progress,
             updates: learner.updates,
+            q_attention: networks.q_attention.as_ref().map(|agent| agent.state().depths.into_iter().map(stored_depth).collect()),
             ranker: networks.ranker.as_ref().map(|ranker| stored_ranker(ranker.state())),
             policy: networks.policy.as_ref().map(|policy| policy.state().adam),
             steps: steps.iter().map(|step| StoredStep::of(step)).collect(),
@@ -126,24 +131,8 @@ impl State {
     }
 
     /// Brings a trainer with the weights of this checkpoint to this state.
-    pub(super) fn restore<E>(self, trainer: &mut Trainer<E>) -> Result<()> {
-        let networks = &mut trainer.agent.networks;
-        match (&mut networks.ranker, self.ranker) {
-            (Some(ranker), Some(StoredRanker { target, adam })) => {
-                let online = ranker.state().online;
-                ranker.restore(&RankerState { online, target, adam })?;
-            }
-            (None, None) => {}
-            _ => return Err(damaged("a ranker is in one file and not in the other")),
-        }
-        match (&mut networks.policy, self.policy) {
-            (Some(policy), Some(adam)) => {
-                let network = policy.state().network;
-                policy.restore(&PolicyState { network, adam })?;
-            }
-            (None, None) => {}
-            _ => return Err(damaged("a policy is in one file and not in the other")),
-        }
+    pub(super) fn restore<E>(mut self, trainer: &mut Trainer<E>) -> Result<()> {
+        self.restore_networks(&mut trainer.agent.networks)?;
         let steps: Vec<_> = self.steps.into_iter().map(|step| step.restore().map(Arc::new)).collect::<Result<_>>()?;
         let settings = &trainer.config.replay;
         let uniform = ReplaySettings { priority_exponent: 0.0, ..settings.clone() };
@@ -151,9 +140,49 @@ impl State {
         learner.paths = self.paths.restore(&steps, settings)?;
         learner.successes = self.successes.restore(&steps, &uniform)?;
         learner.scenes = self.scenes.restore(&steps, settings)?;
+        if let Some(attention) = &trainer.agent.networks.q_attention
+            && !learner.scenes.rows().iter().all(|row| Learner::is_scene(row, attention))
+        {
+            return Err(damaged("a pose that Q-attention cannot learn is in its buffer"));
+        }
         learner.updates = self.updates;
         trainer.progress = self.progress;
         trainer.episode = self.episode.map(StoredEpisode::restore).transpose()?;
+        Ok(())
+    }
+
+    /// Targets and optimisers.
+    fn restore_networks(&mut self, networks: &mut Networks) -> Result<()> {
+        match (&mut networks.q_attention, self.q_attention.take()) {
+            (Some(attention), Some(stored)) => {
+                let mut state = attention.state();
+                if state.depths.len() != stored.len() {
+                    return Err(damaged(&format!("{} depths of Q-attention, expected {}", stored.len(), state.depths.len())));
+                }
+                for (depth, StoredLearner { target, adam }) in state.depths.iter_mut().zip(stored) {
+                    (depth.target, depth.adam) = (target, adam);
+                }
+                attention.restore(&state)?;
+            }
+            (None, None) => {}
+            _ => return Err(damaged("Q-attention is in one file and not in the other")),
+        }
+        match (&mut networks.ranker, self.ranker.take()) {
+            (Some(ranker), Some(StoredLearner { target, adam })) => {
+                let online = ranker.state().online;
+                ranker.restore(&RankerState { online, target, adam })?;
+            }
+            (None, None) => {}
+            _ => return Err(damaged("a ranker is in one file and not in the other")),
+        }
+        match (&mut networks.policy, self.policy.take()) {
+            (Some(policy), Some(adam)) => {
+                let network = policy.state().network;
+                policy.restore(&PolicyState { network, adam })?;
+            }
+            (None, None) => {}
+            _ => return Err(damaged("a policy is in one file and not in the other")),
+        }
         Ok(())
     }
 

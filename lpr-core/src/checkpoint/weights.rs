@@ -68,6 +68,14 @@ pub fn load_agent(weights: &[u8]) -> Result<SavedAgent> {
     let robot = Robot::by_name(&header.robot).map_err(|error| Error::Checkpoint(format!("weights: {error}")))?;
     let Run { method, poses, backend, seed, .. } = header.run;
     let mut networks = Networks::new(&header.config, robot, method, poses, Init { backend, seed })?;
+    if let Some(attention) = &mut networks.q_attention {
+        let mut state = attention.state();
+        for (depth_idx, depth) in state.depths.iter_mut().enumerate() {
+            depth.online = take(&mut tensors, &depth_name(depth_idx));
+            depth.target.clone_from(&depth.online);
+        }
+        attention.restore(&state)?;
+    }
     if let Some(ranker) = &mut networks.ranker {
         let mut state = ranker.state();
         state.online = take(&mut tensors, "ranker");
@@ -90,6 +98,8 @@ pub fn load_agent(weights: &[u8]) -> Result<SavedAgent> {
 pub(super) fn write<E>(trainer: &Trainer<E>) -> Result<Vec<u8>> {
     let networks = &trainer.agent.networks;
     let mut tensors = Vec::new();
+    let depths = networks.q_attention.iter().flat_map(|agent| agent.state().depths).enumerate();
+    tensors.extend(depths.flat_map(|(depth_idx, depth)| named(&depth_name(depth_idx), depth.online)));
     if let Some(ranker) = &networks.ranker {
         tensors.extend(named("ranker", ranker.state().online));
     }
@@ -147,8 +157,14 @@ fn content_digest<'a>(header: &str, tensors: impl Iterator<Item = (&'a str, &'a 
 }
 
 /// `tensors` as those of `network`.
-fn named(network: &'static str, tensors: Vec<NamedTensor>) -> impl Iterator<Item = NamedTensor> {
-    tensors.into_iter().map(move |tensor| NamedTensor { name: format!("{network}.{}", tensor.name), ..tensor })
+fn named(network: &str, tensors: Vec<NamedTensor>) -> Vec<NamedTensor> {
+    let prefixed = |tensor: NamedTensor| NamedTensor { name: format!("{network}.{}", tensor.name), ..tensor };
+    tensors.into_iter().map(prefixed).collect()
+}
+
+/// Name of the network of a depth of Q-attention.
+fn depth_name(depth_idx: usize) -> String {
+    format!("q_attention.{depth_idx}")
 }
 
 /// The tensors of `network`, which leave the list.

@@ -1,9 +1,10 @@
 //! What the candidates could have given: every one is executed from a snapshot of the world.
 
-use super::{EvaluatedEpisode, Evaluation, run_action, run_episode};
+use super::{EvaluatedEpisode, Evaluation, run_episode};
 use crate::agent::{Action, Agent};
 use crate::env::{Environment, StepResult};
 use crate::error::Result;
+use crate::train::execute;
 
 use core::ops::Range;
 
@@ -50,7 +51,7 @@ pub fn best_of_all<E: Environment + Clone>(
         let mut run = |environment: &mut E, action: &Action| {
             let action = Action { chosen: best_candidate(environment, action), ..action.clone() };
             evaluation.add_action(&action);
-            run_action(environment, &action)
+            execute(environment, agent.poses(), &action)
         };
         let episode = run_episode(agent, environment, seed, &mut run)?;
         evaluation.add(&episode);
@@ -69,7 +70,7 @@ pub fn measure_regret<E: Environment + Clone>(agent: &Agent, environment: &mut E
     for seed in seeds {
         let mut run = |environment: &mut E, action: &Action| {
             let best = outcomes(environment, action).map(|(_, result)| result.reward).fold(0.0, f32::max);
-            let result = run_action(environment, action);
+            let result = execute(environment, agent.poses(), action);
             regret.add(best, result.reward);
             result
         };

@@ -75,7 +75,7 @@ pub struct EpisodeLog {
     pub steps: usize,
     /// Whether the task was done.
     pub success: bool,
-    /// Why not: the name of an invalid action, `timeout` or `failed`.
+    /// Why not: the name of an invalid action, `timeout` or `not_done`.
     pub failure: Option<&'static str>,
     /// Value of the path that ran and the discounted reward that came of it, for each step that ranked paths.
     pub values: Vec<ChosenValue>,
@@ -95,7 +95,7 @@ pub(crate) fn failure(last: &StepResult) -> &'static str {
     match last.invalid {
         Some(invalid) => invalid.name(),
         None if last.truncated => "timeout",
-        None => "failed",
+        None => "not_done",
     }
 }
 

@@ -2,6 +2,7 @@
 
 use crate::agent::Exploration;
 use crate::error::{Error, Result};
+use crate::q_attention::Weights;
 
 use serde::{Deserialize, Serialize};
 
@@ -19,6 +20,8 @@ pub struct TrainSettings {
     pub q_attention_updates_per_step: usize,
     /// Transitions of an update of Q-attention (released: 128).
     pub q_attention_batch: usize,
+    /// Which weights of Q-attention choose poses (paper: those that gradients change).
+    pub acting_weights: Weights,
     /// Updates of ranker and policy after every environment step (released: about 1).
     pub path_updates_per_step: usize,
     /// Transitions of an update of ranker and policy (released: 128).
