@@ -1,5 +1,6 @@
 //! C2F-ARM with Learned Path Ranking.
 
+pub mod demo;
 pub mod env;
 pub mod error;
 #[cfg(feature = "learn")]

@@ -15,7 +15,7 @@ pub use parameters::NamedTensor;
 
 pub(crate) use adam::Adam;
 pub(crate) use features::{GOAL_FEATURES, JointScale, goal_features};
-pub(crate) use layers::{Mlp, Spread};
+pub(crate) use layers::{Dense, Mlp, Spread};
 pub(crate) use parameters::{export, import, mix};
 
 use burn::tensor::{Device, Tensor, TensorData};

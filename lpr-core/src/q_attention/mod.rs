@@ -1,5 +1,28 @@
 //! Coarse-to-fine Q-attention: from a voxelised scene to the next-best pose.
 
+mod action;
+#[cfg(feature = "learn")]
+mod agent;
+#[cfg(feature = "learn")]
+mod batch;
+#[cfg(feature = "learn")]
+mod loss;
+#[cfg(feature = "learn")]
+mod network;
+mod observation;
+mod settings;
+
+pub use action::{ActionCodec, DiscreteAction, RotationCodec, canonical, canonical_grasp};
+#[cfg(feature = "learn")]
+pub use agent::{Decision, DepthDecision, QAttention, UpdateReport};
+#[cfg(feature = "learn")]
+pub use batch::QSample;
+
+#[cfg(feature = "learn")]
+pub use network::{Heads, NetworkCost, NetworkInput, PoseValues, QNetwork, QValues};
+pub use observation::{QObservation, StoredPoint};
+pub use settings::{NetworkSettings, QAttentionSettings};
+
 use crate::robot::Gripper;
 use glamx::Pose3;
 
@@ -11,3 +34,6 @@ pub struct NextBestPose {
     /// Command given when the pose is reached.
     pub gripper: Gripper,
 }
+
+#[cfg(all(test, feature = "learn"))]
+mod tests;

@@ -1,0 +1,282 @@
+//! The agent: one online and one target network per depth, acting from the coarse grid to the fine one, learning by updates.
+
+use super::batch::{Augmented, QSample};
+use super::loss::{Choices, chosen_values, depth_loss, td_target};
+use super::network::{Heads, NetworkCost, NetworkInput, QNetwork, QValues};
+use super::{ActionCodec, DiscreteAction, NextBestPose, QAttentionSettings, QObservation};
+use crate::error::Result;
+use crate::nn::{Adam, AdamSettings, Backend, GradientClip, mix, tensor, values as floats};
+use crate::perception::{LOW_DIM, Proprio, VOXEL_CHANNELS, VoxelBounds, VoxelGrid, VoxelIndex, VoxelSpace};
+use crate::rng::Rng;
+use crate::robot::Gripper;
+
+use burn::module::Module;
+use burn::tensor::{Device, Int, Tensor, TensorData};
+use glamx::Vec3;
+
+/// Coarse-to-fine Q-attention.
+#[derive(Debug, Clone)]
+pub struct QAttention {
+    settings: QAttentionSettings,
+    codec: ActionCodec,
+    depths: Vec<Depth>,
+    device: Device,
+}
+
+/// What learns at one depth.
+#[derive(Debug, Clone)]
+struct Depth {
+    online: QNetwork,
+    target: QNetwork,
+    adam: Adam,
+}
+
+/// The agent's choice, with the values behind it.
+#[derive(Debug, Clone)]
+pub struct Decision {
+    /// Where to go.
+    pub goal: NextBestPose,
+    /// The same as bins.
+    pub action: DiscreteAction,
+    /// Mean value of what the last depth chose.
+    pub value: f32,
+    /// How each depth came to its voxel.
+    pub depths: Vec<DepthDecision>,
+    /// Values of the rotation bins: roll, pitch, yaw.
+    pub rotation_values: [Vec<f32>; 3],
+    /// Values of closing and of opening the gripper.
+    pub gripper_values: [f32; 2],
+}
+
+/// What one depth saw and how it valued it.
+#[derive(Debug, Clone)]
+pub struct DepthDecision {
+    /// The voxelised scene or cube.
+    pub grid: VoxelGrid,
+    /// Value of every voxel, in the order of [`VoxelSpace::flat_from_voxel`].
+    pub values: Vec<f32>,
+}
+
+/// What an update did, for the log and the priorities of the replay.
+#[derive(Debug, Clone, PartialEq)]
+pub struct UpdateReport {
+    /// Loss of each depth.
+    pub losses: Vec<f32>,
+    /// Mean over the batch of the value that the first depth regressed on.
+    pub mean_target: f32,
+    /// New priority of each sample before the replay's exponent.
+    pub priorities: Vec<f32>,
+}
+
+impl QAttention {
+    /// An agent with fresh weights for the scene within `bounds`.
+    ///
+    /// # Errors
+    ///
+    /// When the settings do not fit together, or `bounds` has no volume.
+    pub fn new(settings: QAttentionSettings, bounds: VoxelBounds, backend: Backend, rng: &mut Rng) -> Result<Self> {
+        let codec = ActionCodec::new(&settings, bounds)?;
+        let device = backend.device();
+        let clip = settings.gradient_clip.map_or(GradientClip::None, GradientClip::Value);
+        let adam = AdamSettings { learning_rate: settings.learning_rate, l2: settings.weight_decay, clip };
+        let n_depths = codec.n_depths();
+        let depths = (0..n_depths)
+            .map(|depth_idx| {
+                let heads = if depth_idx + 1 == n_depths { Heads::Pose } else { Heads::Translation };
+                let online = QNetwork::new(&settings, heads, &device, rng);
+                Depth { target: online.clone(), adam: Adam::new(adam, &online), online }
+            })
+            .collect();
+        Ok(Self { settings, codec, depths, device })
+    }
+
+    /// The code of actions.
+    #[must_use]
+    pub fn codec(&self) -> &ActionCodec {
+        &self.codec
+    }
+
+    /// Cost of each depth's network.
+    #[must_use]
+    pub fn costs(&self) -> Vec<NetworkCost> {
+        self.depths.iter().map(|depth| depth.online.cost()).collect()
+    }
+
+    /// The best next pose for an observation: at every depth the voxel of highest value, at the last depth also the best
+    /// rotation bins and gripper command.
+    #[must_use]
+    pub fn act(&self, observation: &QObservation) -> Decision {
+        let mut depths = Vec::with_capacity(self.depths.len());
+        let mut voxels = Vec::with_capacity(self.depths.len());
+        let mut center = Vec3::ZERO;
+        let mut last = None;
+        for (depth_idx, depth) in self.depths.iter().enumerate() {
+            let space = self.codec.zoom(depth_idx, center).expect("there is a space for each depth");
+            let grid = VoxelGrid::voxelise(observation.colored_points(), space);
+            let values = depth.online.forward(network_input(&[&grid], &[observation.proprio], &self.device));
+            let best = Choices::best(&values);
+            let voxel = space.voxel_from_flat(ints(best.voxel.clone())[0]);
+            center = space.point_from_voxel(voxel);
+            voxels.push(voxel);
+            depths.push(DepthDecision { grid, values: floats(values.translation.clone()) });
+            last = Some((values, best));
+        }
+        let (values, best) = last.expect("there is at least one depth");
+        self.decision(depths, voxels, values, &best)
+    }
+
+    fn decision(&self, depths: Vec<DepthDecision>, voxels: Vec<VoxelIndex>, values: QValues, best: &Choices) -> Decision {
+        let value = floats(chosen_values(&values, best).mean())[0];
+        let pose = values.pose.expect("the last depth values rotation and gripper");
+        let (bins, command) = best.pose.clone().expect("the last depth chooses rotation and gripper");
+        let bins = ints(bins);
+        let gripper = if ints(command)[0] == OPEN { Gripper::Open } else { Gripper::Close };
+        let action = DiscreteAction { voxels, rotation: [bins[0], bins[1], bins[2]], gripper };
+        let rotation = floats(pose.rotation);
+        let per_axis = |axis: usize| {
+            let n_bins = self.codec.rotation.n_bins;
+            rotation[axis * n_bins..(axis + 1) * n_bins].to_vec()
+        };
+        let gripper = floats(pose.gripper);
+        Decision {
+            goal: self.codec.decode(&action),
+            action,
+            value,
+            depths,
+            rotation_values: [0, 1, 2].map(per_axis),
+            gripper_values: [gripper[0], gripper[1]],
+        }
+    }
+
+    /// One gradient step of every depth on a batch, then one step of the targets towards the new weights.
+    ///
+    /// # Panics
+    ///
+    /// When the batch is empty or an action lies outside the bounds of depth 0, which the caller keeps out of the replay.
+    pub fn update(&mut self, batch: &[QSample<'_>], rng: &mut Rng) -> UpdateReport {
+        assert!(!batch.is_empty(), "an update needs at least one sample");
+        let batch = batch
+            .iter()
+            .map(|sample| Augmented::draw(*sample, &self.codec, &self.settings, rng).expect("replayed actions lie within bounds"))
+            .collect::<Vec<_>>();
+        // Where the online networks look next, for the samples that go on.
+        let mut next_centers = vec![Vec3::ZERO; batch.len()];
+        let mut losses = Vec::with_capacity(self.depths.len());
+        let mut mean_target = 0.0;
+        let mut priorities = vec![0.0; batch.len()];
+        for depth_idx in 0..self.depths.len() {
+            let targets = self.targets(depth_idx, &batch, &mut next_centers);
+            if depth_idx == 0 {
+                mean_target = targets.iter().sum::<f32>() / targets.len() as f32;
+            }
+            let (loss, huber) = self.fit(depth_idx, &batch, targets);
+            losses.push(loss);
+            add_priorities(&mut priorities, &huber, self.depths.len() - depth_idx);
+        }
+        UpdateReport { losses, mean_target, priorities }
+    }
+
+    /// The values to regress on at one depth. Moves `next_centers` to what the online network attends to.
+    fn targets(&self, depth_idx: usize, batch: &[Augmented<'_>], next_centers: &mut [Vec3]) -> Vec<f32> {
+        let going_on = (0..batch.len()).filter(|&i| batch[i].sample.next.is_some()).collect::<Vec<_>>();
+        let mut next_values = vec![None; batch.len()];
+        if !going_on.is_empty() {
+            let spaces = going_on.iter().map(|&i| self.space(depth_idx, next_centers[i])).collect::<Vec<_>>();
+            let (values, voxels) = self.next_values(depth_idx, batch, &going_on, &spaces);
+            for (k, &i) in going_on.iter().enumerate() {
+                next_values[i] = Some(values[k]);
+                next_centers[i] = spaces[k].point_from_voxel(spaces[k].voxel_from_flat(voxels[k]));
+            }
+        }
+        let discount = self.settings.discount;
+        batch.iter().zip(next_values).map(|(sample, next)| td_target(sample.sample.reward, discount, next)).collect()
+    }
+
+    /// Double Q: the target network's value of what the online network chooses next, and the voxels it chooses.
+    fn next_values(
+        &self,
+        depth_idx: usize,
+        batch: &[Augmented<'_>],
+        going_on: &[usize],
+        spaces: &[VoxelSpace],
+    ) -> (Vec<f32>, Vec<usize>) {
+        let next = |i: usize| batch[i].sample.next.expect("only samples that go on are asked for");
+        let grids = going_on.iter().zip(spaces).map(|(&i, &space)| batch[i].moved_grid(next(i), space)).collect::<Vec<_>>();
+        let proprio = going_on.iter().map(|&i| batch[i].moved_proprio(next(i))).collect::<Vec<_>>();
+        let input = network_input(&grids.iter().collect::<Vec<_>>(), &proprio, &self.device);
+        let depth = &self.depths[depth_idx];
+        let best = Choices::best(&depth.online.forward(input.clone()));
+        let values = chosen_values(&depth.target.forward(input), &best).mean_dim(1);
+        (floats(values), ints(best.voxel))
+    }
+
+    fn space(&self, depth_idx: usize, center: Vec3) -> VoxelSpace {
+        self.codec.zoom(depth_idx, center).expect("there is a space for each depth")
+    }
+
+    /// One gradient step of one depth towards `targets`: the loss before it, and the Huber loss of each sample.
+    fn fit(&mut self, depth_idx: usize, batch: &[Augmented<'_>], targets: Vec<f32>) -> (f32, Vec<f32>) {
+        let device = self.device.clone().autodiff();
+        let grids = batch.iter().map(|sample| sample.grid(depth_idx)).collect::<Vec<_>>();
+        let proprio = batch.iter().map(|sample| sample.moved_proprio(sample.sample.observation)).collect::<Vec<_>>();
+        let input = network_input(&grids.iter().collect::<Vec<_>>(), &proprio, &device);
+        let n = batch.len();
+        let weights = batch.iter().map(|sample| sample.sample.weight).collect();
+
+        let depth = &mut self.depths[depth_idx];
+        let leaves = depth.online.clone().train();
+        let values = leaves.forward(input);
+        let choices = labels(depth_idx, batch, values.pose.is_some(), &device);
+        let loss = depth_loss(&values, &choices, tensor(targets, [n], &device), tensor(weights, [n], &device), &self.settings);
+        let gradients = loss.total.backward();
+        depth.online = depth.adam.step(depth.online.clone(), &leaves, gradients);
+        depth.target = mix(depth.target.clone(), &depth.online, self.settings.target_mix);
+        (floats(loss.total)[0], floats(loss.huber))
+    }
+}
+
+/// Index of [`Gripper::Open`] among the gripper's values.
+const OPEN: usize = 1;
+
+/// What the samples of a batch did, as a depth sees it.
+fn labels(depth_idx: usize, batch: &[Augmented<'_>], with_pose: bool, device: &Device) -> Choices {
+    let n = batch.len();
+    let voxel = batch.iter().map(|sample| sample.depths[depth_idx].flat as i32).collect();
+    let pose = with_pose.then(|| {
+        let bins = batch.iter().flat_map(|sample| sample.rotation.map(|bin| bin as i32)).collect();
+        let command = |sample: &Augmented<'_>| i32::from(sample.sample.action.gripper == Gripper::Open);
+        (indices(bins, [n, 3, 1], device), indices(batch.iter().map(command).collect(), [n, 1], device))
+    });
+    Choices { voxel: indices(voxel, [n, 1], device), pose }
+}
+
+/// Adds one depth's part to the priorities: `√(huber + 1e-10)` over the largest of the batch.
+///
+/// In the released code a depth's priority is added into every later one, and the stack sums them all: the first depth of two
+/// counts twice.
+fn add_priorities(priorities: &mut [f32], huber: &[f32], times: usize) {
+    let sizes = huber.iter().map(|loss| libm::sqrtf(loss + 1e-10)).collect::<Vec<_>>();
+    let most = sizes.iter().fold(0.0_f32, |most, size| most.max(*size));
+    for (priority, size) in priorities.iter_mut().zip(sizes) {
+        *priority += times as f32 * size / most;
+    }
+}
+
+/// Grids and proprioception as one batch.
+fn network_input(grids: &[&VoxelGrid], proprio: &[Proprio], device: &Device) -> NetworkInput {
+    let n_voxels = grids.first().map_or(0, |grid| grid.space.n_voxels());
+    let voxels = grids.iter().flat_map(|grid| grid.features.iter().copied()).collect();
+    let low_dim = proprio.iter().flat_map(Proprio::low_dim).collect();
+    NetworkInput {
+        voxels: tensor(voxels, [grids.len(), VOXEL_CHANNELS, n_voxels], device),
+        proprio: tensor(low_dim, [proprio.len(), LOW_DIM], device),
+    }
+}
+
+fn indices<const D: usize>(values: Vec<i32>, shape: [usize; D], device: &Device) -> Tensor<D, Int> {
+    Tensor::from_data(TensorData::new(values, shape), device)
+}
+
+fn ints<const D: usize>(tensor: Tensor<D, Int>) -> Vec<usize> {
+    tensor.into_data().iter::<i64>().map(|index| usize::try_from(index).expect("indices are not negative")).collect()
+}

@@ -1,0 +1,194 @@
+//! Replayed transitions made ready for an update: augmented, with labels recomputed, and voxelised.
+
+use super::observation::{move_pose, move_proprio};
+use super::{ActionCodec, NextBestPose, QAttentionSettings, QObservation, canonical_grasp};
+use crate::perception::{PointTransform, Proprio, VoxelGrid, VoxelSpace};
+use crate::rng::Rng;
+
+use glamx::Vec3;
+use rand::RngExt as _;
+
+/// Draws of an augmentation that keeps the label inside, before the sample is used as it is.
+const MAX_DRAWS: usize = 20;
+
+/// One replayed transition.
+#[derive(Debug, Clone, Copy)]
+pub struct QSample<'a> {
+    /// What was seen before the action.
+    pub observation: &'a QObservation,
+    /// The action: within the bounds of depth 0.
+    pub action: NextBestPose,
+    /// Reward, 0 or 1.
+    pub reward: f32,
+    /// What was seen after the action; none when the episode ended there.
+    pub next: Option<&'a QObservation>,
+    /// Importance weight of prioritised replay.
+    pub weight: f32,
+}
+
+/// One sample as an update uses it.
+#[derive(Debug, Clone)]
+pub(super) struct Augmented<'a> {
+    pub(super) sample: QSample<'a>,
+    /// How observation, action and next observation have been moved.
+    pub(super) transform: PointTransform,
+    /// For each depth, what it sees and the voxel of the action in it.
+    pub(super) depths: Vec<DepthLabel>,
+    /// Rotation bins of the moved action.
+    pub(super) rotation: [usize; 3],
+}
+
+/// Where a depth looks, and the position of the label among its voxels.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct DepthLabel {
+    pub(super) space: VoxelSpace,
+    pub(super) flat: usize,
+}
+
+impl<'a> Augmented<'a> {
+    /// `sample`, turned, shifted and with its cubes moved at random; none when its action lies outside the bounds.
+    ///
+    /// An augmentation that moves the label out of a cube is drawn again, never clamped.
+    pub(super) fn draw(sample: QSample<'a>, codec: &ActionCodec, settings: &QAttentionSettings, rng: &mut Rng) -> Option<Self> {
+        let about = codec.scene().bounds().min + 0.5 * codec.scene().bounds().size;
+        for _ in 0..MAX_DRAWS {
+            let yaw = symmetric(settings.yaw_range, rng);
+            let shift = settings.shift_range.to_array().map(|range| symmetric(range, rng));
+            let transform = PointTransform { yaw, shift: Vec3::from_array(shift), about };
+            let jitters =
+                settings.zoom_half_widths.iter().map(|half| jitter(half * settings.crop_jitter, rng)).collect::<Vec<_>>();
+            if let Some(augmented) = Self::new(sample, codec, transform, &jitters) {
+                return Some(augmented);
+            }
+        }
+        let still = PointTransform { yaw: 0.0, shift: Vec3::ZERO, about };
+        Self::new(sample, codec, still, &vec![Vec3::ZERO; settings.zoom_half_widths.len()])
+    }
+
+    /// `sample` moved by `transform`, the cube of each later depth moved by its `jitters` away from its label.
+    fn new(sample: QSample<'a>, codec: &ActionCodec, transform: PointTransform, jitters: &[Vec3]) -> Option<Self> {
+        let pose = canonical_grasp(move_pose(sample.action.pose, &transform));
+        let mut depths = Vec::with_capacity(codec.n_depths());
+        let mut center = Vec3::ZERO;
+        for depth_idx in 0..codec.n_depths() {
+            let space = codec.zoom(depth_idx, center)?;
+            let voxel = space.voxel_from_point(pose.translation)?;
+            center = space.point_from_voxel(voxel) + jitters.get(depth_idx).copied().unwrap_or(Vec3::ZERO);
+            depths.push(DepthLabel { space, flat: space.flat_from_voxel(voxel) });
+        }
+        Some(Self { sample, transform, depths, rotation: codec.rotation.encode(pose.rotation) })
+    }
+
+    /// What the moved observation before the action shows in the cube of a depth.
+    pub(super) fn grid(&self, depth_idx: usize) -> VoxelGrid {
+        self.moved_grid(self.sample.observation, self.depths[depth_idx].space)
+    }
+
+    /// What a moved observation shows in `space`.
+    pub(super) fn moved_grid(&self, observation: &QObservation, space: VoxelSpace) -> VoxelGrid {
+        VoxelGrid::voxelise(self.transform.apply(observation.colored_points()), space)
+    }
+
+    /// Proprioception of a moved observation.
+    pub(super) fn moved_proprio(&self, observation: &QObservation) -> Proprio {
+        move_proprio(&observation.proprio, &self.transform)
+    }
+}
+
+/// Uniform in `-range..=range`.
+fn symmetric(range: f32, rng: &mut Rng) -> f32 {
+    range * (2.0 * rng.random::<f32>() - 1.0)
+}
+
+fn jitter(range: f32, rng: &mut Rng) -> Vec3 {
+    Vec3::from_array([0; 3].map(|_| symmetric(range, rng)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::perception::VoxelBounds;
+    use crate::q_attention::settings::tests::{test_proprio, test_settings};
+    use crate::rng::{Stream, stream};
+    use crate::robot::{Gripper, PANDA};
+
+    use core::f32::consts::PI;
+    use glamx::{Pose3, Quat};
+    use proptest::prelude::{any, prop_assert, prop_assert_eq, proptest};
+
+    /// A scene with one point, and a pose at that point.
+    fn point_and_pose(point: [f32; 3], rotation: Quat) -> (QObservation, NextBestPose) {
+        let bounds = VoxelBounds::scene(&PANDA);
+        let point = bounds.min + bounds.size * Vec3::from_array(point);
+        let observation = QObservation::from_points([(point, [255, 0, 0])], test_proprio(), bounds, 0.01);
+        let stored = observation.colored_points().next().expect("one point").0;
+        (observation, NextBestPose { pose: Pose3::from_parts(stored, rotation), gripper: Gripper::Close })
+    }
+
+    fn sample<'a>(observation: &'a QObservation, action: NextBestPose) -> QSample<'a> {
+        QSample { observation, action, reward: 1.0, next: None, weight: 1.0 }
+    }
+
+    proptest! {
+        #[test]
+        fn labels_stay_on_the_point_they_are_at(
+            point in [0.001_f32..0.999, 0.001..0.999, 0.001..0.999],
+            euler in [-3.1_f32..3.1, -1.5..1.5, -3.1..3.1],
+            yaw_range in 0.0_f32..3.1,
+            crop_jitter in 0.0_f32..0.99,
+            shape in 0_usize..3,
+            seed in any::<u64>(),
+        ) {
+            let zoom_half_widths = [vec![0.15], vec![0.1, 0.02], vec![]][shape].clone();
+            let shift_range = Vec3::new(0.125, 0.125, 0.05);
+            let settings = QAttentionSettings { zoom_half_widths, yaw_range, shift_range, crop_jitter, ..test_settings() };
+            let codec = ActionCodec::new(&settings, VoxelBounds::scene(&PANDA)).expect("settings that fit together");
+            let rotation = Quat::from_rotation_z(euler[2]) * Quat::from_rotation_y(euler[1]) * Quat::from_rotation_x(euler[0]);
+            let (observation, action) = point_and_pose(point, rotation);
+            let augmented = Augmented::draw(sample(&observation, action), &codec, &settings, &mut stream(seed, Stream::Augment, 0))
+                .expect("the action is within bounds");
+
+            prop_assert_eq!(augmented.depths.len(), codec.n_depths());
+            for (depth_idx, label) in augmented.depths.iter().enumerate() {
+                let grid = augmented.grid(depth_idx);
+                prop_assert!(grid.is_occupied(label.space.voxel_from_flat(label.flat)), "depth {}", depth_idx);
+                if depth_idx > 0 {
+                    let before = &augmented.depths[depth_idx - 1];
+                    let attended = before.space.point_from_voxel(before.space.voxel_from_flat(before.flat));
+                    let half_width = settings.zoom_half_widths[depth_idx - 1];
+                    let center = label.space.bounds().min + Vec3::splat(half_width);
+                    prop_assert!((center - attended).abs().max_element() <= crop_jitter * half_width + 1e-5);
+                }
+            }
+            let moved = Quat::from_rotation_z(augmented.transform.yaw) * rotation;
+            let label = codec.rotation.decode(augmented.rotation);
+            let angle = [moved, moved * Quat::from_rotation_z(PI)].map(|moved| label.angle_between(moved));
+            prop_assert!(angle[0].min(angle[1]) <= 3.0 * PI / 24.0 + 1e-3, "{:?}", angle);
+            prop_assert!(augmented.transform.yaw.abs() <= yaw_range);
+        }
+    }
+
+    #[test]
+    fn actions_outside_are_refused() {
+        let settings = test_settings();
+        let codec = ActionCodec::new(&settings, VoxelBounds::scene(&PANDA)).expect("settings that fit together");
+        let (observation, mut action) = point_and_pose([0.5; 3], Quat::IDENTITY);
+        action.pose.translation.z = 2.0;
+        let none = QAttentionSettings { yaw_range: 0.0, shift_range: Vec3::ZERO, ..settings };
+        assert!(Augmented::draw(sample(&observation, action), &codec, &none, &mut stream(0, Stream::Augment, 0)).is_none());
+    }
+
+    #[test]
+    fn what_the_arm_feels_moves_with_what_it_sees() {
+        let settings = test_settings();
+        let codec = ActionCodec::new(&settings, VoxelBounds::scene(&PANDA)).expect("settings that fit together");
+        let (observation, action) = point_and_pose([0.4, 0.6, 0.3], Quat::from_rotation_x(PI));
+        let augmented = Augmented::draw(sample(&observation, action), &codec, &settings, &mut stream(1, Stream::Augment, 0))
+            .expect("the action is within bounds");
+        let seen_from_grip = observation.proprio.grip.inverse() * action.pose.translation;
+        let moved = augmented.transform.pose() * action.pose.translation;
+        let moved_seen = augmented.moved_proprio(&observation).grip.inverse() * moved;
+        assert!(augmented.transform.yaw.abs() > 1e-3);
+        assert!((seen_from_grip - moved_seen).length() < 1e-5);
+    }
+}

@@ -1,0 +1,172 @@
+//! The loss of one depth: a double-Q temporal difference with a regulariser on all values.
+//!
+//! With the reward `r`, the discount `γ` and the value `V'` that the target network gives the online network's choice:
+//!
+//! ```text
+//! y = max(0, r + γ V')                       (y = r when the episode ended)
+//! L = mean_batch w (mean_k huber(Q_k(a_k) - y) + λ_t mean|Q_t| + λ_r mean|Q_rg|)
+//! ```
+//!
+//! `k` runs over what a depth chooses: the voxel, and at the last depth also three rotation bins and the gripper. All regress on
+//! the same `y`, and `V'` is the mean over them. Huber is quadratic within 1.
+
+use super::network::{PoseValues, QValues};
+use super::settings::QAttentionSettings;
+
+use burn::tensor::{Int, Tensor};
+
+/// What each sample of a batch chose at one depth.
+#[derive(Debug, Clone)]
+pub(super) struct Choices {
+    /// `[B, 1]`: voxels, flat.
+    pub(super) voxel: Tensor<2, Int>,
+    /// At the last depth, rotation bins `[B, 3, 1]` and gripper `[B, 1]` (0 close, 1 open).
+    pub(super) pose: Option<(Tensor<3, Int>, Tensor<2, Int>)>,
+}
+
+impl Choices {
+    /// The best of everything: `argmax`.
+    pub(super) fn best(values: &QValues) -> Self {
+        let pose = values.pose.as_ref().map(|pose| (pose.rotation.clone().argmax(2), pose.gripper.clone().argmax(1)));
+        Self { voxel: values.translation.clone().argmax(1), pose }
+    }
+}
+
+/// The values of the chosen parts, `[B, K]`: one column for the voxel, at the last depth four more.
+pub(super) fn chosen_values(values: &QValues, choices: &Choices) -> Tensor<2> {
+    let voxel = values.translation.clone().gather(1, choices.voxel.clone());
+    let (Some(PoseValues { rotation, gripper }), Some((bins, command))) = (&values.pose, &choices.pose) else {
+        return voxel;
+    };
+    let [n, _, _] = rotation.dims();
+    let rotation = rotation.clone().gather(2, bins.clone()).reshape([n, 3]);
+    Tensor::cat(vec![voxel, rotation, gripper.clone().gather(1, command.clone())], 1)
+}
+
+/// What the values regress on: `max(0, r + γ V')`, exactly `r` without a next value.
+pub(super) fn td_target(reward: f32, discount: f32, next_value: Option<f32>) -> f32 {
+    (reward + next_value.map_or(0.0, |value| discount * value)).max(0.0)
+}
+
+/// The loss of one depth, and the mean Huber loss of each sample before weighting.
+pub(super) struct DepthLoss {
+    /// `[1]`.
+    pub(super) total: Tensor<1>,
+    /// `[B]`.
+    pub(super) huber: Tensor<1>,
+}
+
+/// The loss of one depth; `targets` and `weights` are `[B]`.
+pub(super) fn depth_loss(
+    values: &QValues,
+    choices: &Choices,
+    targets: Tensor<1>,
+    weights: Tensor<1>,
+    settings: &QAttentionSettings,
+) -> DepthLoss {
+    let chosen = chosen_values(values, choices);
+    let [n, n_parts] = chosen.dims();
+    let errors = (chosen - targets.reshape([n, 1]).expand([n, n_parts])).abs();
+    let huber = huber(errors).mean_dim(1).reshape([n]);
+    let mut per_sample = huber.clone() + mean_size(values.translation.clone()) * settings.translation_regularisation;
+    if let Some(pose) = &values.pose {
+        let [_, _, bins] = pose.rotation.dims();
+        let all = Tensor::cat(vec![pose.rotation.clone().reshape([n, 3 * bins]), pose.gripper.clone()], 1);
+        per_sample = per_sample + mean_size(all) * settings.rotation_regularisation;
+    }
+    DepthLoss { total: (per_sample * weights).mean(), huber }
+}
+
+/// `e² / 2` within 1, `|e| - 1 / 2` beyond, of absolute errors.
+fn huber(errors: Tensor<2>) -> Tensor<2> {
+    let near = errors.clone().clamp_max(1.0);
+    // |e| min(|e|, 1) - min(|e|, 1)² / 2 is both branches at once.
+    errors * near.clone() - near.square() * 0.5
+}
+
+/// Mean absolute value of each row: `[B, N]` to `[B]`.
+fn mean_size(values: Tensor<2>) -> Tensor<1> {
+    let [n, _] = values.dims();
+    values.abs().mean_dim(1).reshape([n])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::nn::{Backend, tensor, values as read};
+    use crate::q_attention::settings::tests::test_settings;
+
+    use burn::tensor::{Device, TensorData};
+
+    fn values(device: &Device) -> QValues {
+        QValues {
+            translation: tensor(vec![0.1, 0.9, -0.4, 0.0, 2.5, 0.3, 0.2, 0.1], [2, 4], device),
+            pose: Some(PoseValues {
+                rotation: tensor((0..12).map(|i| i as f32 * 0.1 - 0.3).collect(), [2, 3, 2], device),
+                gripper: tensor(vec![0.5, 0.25, -1.5, 0.0], [2, 2], device),
+            }),
+        }
+    }
+
+    #[test]
+    fn targets_are_rewards_at_the_end_and_never_negative() {
+        assert_eq!(td_target(1.0, 0.99, None), 1.0);
+        assert_eq!(td_target(0.0, 0.99, None), 0.0);
+        assert_eq!(td_target(0.0, 0.5, Some(0.8)), 0.4);
+        assert_eq!(td_target(0.25, 0.5, Some(1.0)), 0.75);
+        assert_eq!(td_target(0.0, 0.99, Some(-0.3)), 0.0);
+    }
+
+    #[test]
+    fn the_value_of_a_choice_is_read_per_part() {
+        let device = Backend::Flex.device();
+        let values = values(&device);
+        let best = Choices::best(&values);
+        assert_eq!(
+            read(chosen_values(&values, &best)),
+            [0.9, -0.2, 0.0, 0.2, 0.5, 2.5, 0.4, 0.6, 0.8, 0.0]
+                .map(|v: f32| v)
+                .iter()
+                .zip(read(chosen_values(&values, &best)))
+                .map(|(expected, found)| if (expected - found).abs() < 1e-6 { found } else { *expected })
+                .collect::<Vec<_>>()
+        );
+    }
+
+    #[test]
+    fn the_loss_is_what_the_formula_says() {
+        let device = Backend::Flex.device();
+        let values = values(&device);
+        let best = Choices::best(&values);
+        let settings = QAttentionSettings { translation_regularisation: 0.5, rotation_regularisation: 0.25, ..test_settings() };
+        let loss =
+            depth_loss(&values, &best, tensor(vec![1.0, 0.0], [2], &device), tensor(vec![1.0, 0.5], [2], &device), &settings);
+        // Sample 0 against y = 1: errors 0.1, 1.2, 1, 0.8, 0.5. Sample 1 against y = 0: 2.5, 0.4, 0.6, 0.8, 0.
+        let huber = [(0.005 + 0.7 + 0.5 + 0.32 + 0.125) / 5.0, (2.0 + 0.08 + 0.18 + 0.32) / 5.0];
+        for (found, expected) in read(loss.huber).iter().zip(huber) {
+            assert!((found - expected).abs() < 1e-6, "{found} for {expected}");
+        }
+        let translation = [1.4 / 4.0, 3.1 / 4.0];
+        let pose = [(0.3 + 0.2 + 0.1 + 0.0 + 0.1 + 0.2 + 0.75) / 8.0, (0.3 + 0.4 + 0.5 + 0.6 + 0.7 + 0.8 + 1.5) / 8.0];
+        let sample = |i: usize| huber[i] + 0.5 * translation[i] + 0.25 * pose[i];
+        let expected = (sample(0) + 0.5 * sample(1)) / 2.0;
+        let found = read(loss.total)[0];
+        assert!((found - expected).abs() < 1e-6, "{found} for {expected}");
+    }
+
+    #[test]
+    fn regression_gradients_are_bounded_by_one_over_the_parts() {
+        let device = Backend::Flex.device().autodiff();
+        let translation = tensor(vec![3.0, 0.5, -2.0, 0.2], [1, 4], &device).require_grad();
+        let values = QValues { translation: translation.clone(), pose: None };
+        let voxel = Tensor::from_data(TensorData::new(vec![0_i32], [1, 1]), &device);
+        let settings = QAttentionSettings { translation_regularisation: 0.4, ..test_settings() };
+        let one = tensor(vec![1.0], [1], &device);
+        let loss = depth_loss(&values, &Choices { voxel, pose: None }, one.clone(), one, &settings);
+        let gradient = read(translation.grad(&loss.total.backward()).expect("the loss depends on it"));
+        // Huber beyond 1 has slope 1 on the chosen voxel; |Q| has slope ±0.1 on all.
+        for (found, expected) in gradient.iter().zip([1.1, 0.1, -0.1, 0.1]) {
+            assert!((found - expected).abs() < 1e-6, "{gradient:?}");
+        }
+    }
+}

@@ -1,0 +1,159 @@
+//! Every number of the Q-attention agent.
+
+use crate::error::{Error, Result};
+
+use glamx::Vec3;
+use serde::{Deserialize, Serialize};
+
+/// Settings of coarse-to-fine Q-attention (paper, section III; numbers of the released C2F-ARM in each field's doc).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct QAttentionSettings {
+    /// Voxels along each side of the grid, the same at every depth (released: 16).
+    pub voxels_per_side: usize,
+    /// Half side of the cube that each depth after the first looks at, metres; one entry a depth (paper: one; released: 0.15).
+    pub zoom_half_widths: Vec<f32>,
+    /// Bins of each Euler angle over the full circle; even (released: 72, 5° each).
+    pub rotation_bins: usize,
+    /// Discount of future reward, `γ` (released: 0.99).
+    pub discount: f32,
+    /// Step size of Adam (released: 5e-4).
+    pub learning_rate: f32,
+    /// L2 penalty of Adam (released: 1e-6).
+    pub weight_decay: f32,
+    /// Bound on every component of the gradient, or none (released: 0.01).
+    pub gradient_clip: Option<f32>,
+    /// Fraction of the online weights mixed into the target after every update, `τ` (released: 0.0025).
+    pub target_mix: f32,
+    /// Weight of the mean absolute value of all translation values (released: 1).
+    pub translation_regularisation: f32,
+    /// Weight of the mean absolute value of all rotation and gripper values (released: 1).
+    pub rotation_regularisation: f32,
+    /// How far the cube of a later depth is moved away from its label at random, as a fraction of its half width (released: 0.75).
+    pub crop_jitter: f32,
+    /// Largest rotation about the vertical that a sampled observation and its action undergo, radians (released: 0).
+    pub yaw_range: f32,
+    /// Largest shift along x, y, z that a sampled observation and its action undergo, metres (released: 0).
+    pub shift_range: Vec3,
+    /// The networks, one of the same kind per depth.
+    pub network: NetworkSettings,
+}
+
+/// Which network values the voxels of one depth, and how wide it is.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub enum NetworkSettings {
+    /// The 3-D U-Net of inception blocks of C2F-ARM.
+    Paper {
+        /// Channels at the finest grid (released: 64); the coarser grids have two and four times as many.
+        channels: usize,
+        /// Channels inside an inception block, before its 3³ convolutions (released: 32).
+        bottleneck: usize,
+        /// Hidden units of the rotation and gripper head (released: 128).
+        hidden: usize,
+    },
+    /// A network of matrix products on 2³ blocks for two CPU cores.
+    Fast {
+        /// Channels of a cell on the grid of half the side.
+        cell_channels: usize,
+        /// Channels of a block on the grid of a quarter of the side.
+        block_channels: usize,
+        /// Channels of a block that the rotation head reads in place.
+        head_channels: usize,
+        /// Hidden units of the rotation and gripper head.
+        hidden: usize,
+        /// Harmonics of the full circle that the values of an Euler angle are made of.
+        harmonics: usize,
+    },
+}
+
+impl QAttentionSettings {
+    /// Number of depths.
+    #[must_use]
+    pub fn n_depths(&self) -> usize {
+        self.zoom_half_widths.len() + 1
+    }
+
+    /// Checks that the numbers fit together.
+    ///
+    /// # Errors
+    ///
+    /// Names the first setting that cannot work.
+    pub fn validate(&self) -> Result<()> {
+        let fail = |what: &str| Err(Error::Config(format!("q_attention: {what}")));
+        if self.voxels_per_side < 4 || !self.voxels_per_side.is_multiple_of(4) {
+            return fail("voxels_per_side must be a multiple of 4");
+        }
+        if self.rotation_bins < 4 || !self.rotation_bins.is_multiple_of(4) {
+            return fail("rotation_bins must be a multiple of 4, so that right angles have bins");
+        }
+        if self.zoom_half_widths.iter().any(|half| !half.is_finite() || *half <= 0.0) {
+            return fail("zoom_half_widths must be positive lengths");
+        }
+        if !(0.0..1.0).contains(&self.crop_jitter) {
+            return fail("crop_jitter must lie in 0..1, or the label could never be inside");
+        }
+        if !(0.0..=1.0).contains(&self.discount) || !(0.0..=1.0).contains(&self.target_mix) {
+            return fail("discount and target_mix must lie in 0..=1");
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::perception::Proprio;
+    use crate::robot::PANDA;
+
+    /// Small and quick settings.
+    pub(in crate::q_attention) fn test_settings() -> QAttentionSettings {
+        QAttentionSettings {
+            voxels_per_side: 8,
+            zoom_half_widths: vec![0.15],
+            rotation_bins: 24,
+            discount: 0.99,
+            learning_rate: 2e-3,
+            weight_decay: 0.0,
+            gradient_clip: None,
+            target_mix: 0.02,
+            translation_regularisation: 1.0,
+            rotation_regularisation: 1.0,
+            crop_jitter: 0.5,
+            yaw_range: 0.5,
+            shift_range: Vec3::new(0.1, 0.1, 0.0),
+            network: NetworkSettings::Fast { cell_channels: 8, block_channels: 12, head_channels: 4, hidden: 16, harmonics: 4 },
+        }
+    }
+
+    /// An arm at rest above the table.
+    pub(in crate::q_attention) fn test_proprio() -> Proprio {
+        Proprio {
+            joints: PANDA.start,
+            gripper_width: 0.08,
+            gripper_open: 1.0,
+            finger_positions: [0.04; 2],
+            grip: PANDA.grip(&PANDA.start),
+            time: 1.0,
+        }
+    }
+
+    #[test]
+    fn settings_that_cannot_work_are_named() {
+        type Change = fn(&mut QAttentionSettings);
+        let cases: [(Change, &str); 5] = [
+            (|s| s.voxels_per_side = 10, "voxels_per_side"),
+            (|s| s.rotation_bins = 30, "rotation_bins"),
+            (|s| s.zoom_half_widths = vec![0.0], "zoom_half_widths"),
+            (|s| s.crop_jitter = 1.0, "crop_jitter"),
+            (|s| s.target_mix = 1.5, "target_mix"),
+        ];
+        assert_eq!(test_settings().validate(), Ok(()));
+        for (change, name) in cases {
+            let mut settings = test_settings();
+            change(&mut settings);
+            let error = settings.validate().expect_err(name);
+            assert!(error.to_string().contains(name), "{error}");
+        }
+    }
+}
