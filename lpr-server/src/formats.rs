@@ -1,8 +1,10 @@
-//! JSON of poses and configurations, as every command reads and prints them.
+//! JSON of poses, configurations and demonstrations, as every command reads and prints them.
 
 use crate::files::{self, FileError, Result};
 use lpr_core::glamx::{DPose3, DQuat, DVec3};
-use lpr_core::robot::JointConfig;
+use lpr_core::perception::Proprio;
+use lpr_core::robot::{DOF, JointConfig};
+use lpr_core::sim::{Demonstration, World};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -81,5 +83,91 @@ impl PoseEntry {
         }
         let world_from_flange = DPose3::from_parts(DVec3::from_array(self.position), rotation.normalize());
         Ok(PoseQuery { world_from_flange, seed_config: self.seed_config })
+    }
+}
+
+/// Version of [`DemoFile`].
+pub const DEMO_VERSION: u32 = 1;
+
+/// A demonstration, `NAME.demo.json.gz`. Simulated ones hold no observations: those are rendered again from the scene.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DemoFile {
+    /// [`DEMO_VERSION`].
+    pub version: u32,
+    /// Who demonstrated.
+    pub source: DemoSource,
+    /// Name of the arm.
+    pub robot: String,
+    /// Name of the task.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub task: Option<String>,
+    /// Seed of the scene.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scene_seed: Option<u64>,
+    /// Time from one frame to the next, seconds; a gripper command takes one frame, however long it lasts.
+    pub control_dt: f32,
+    /// Whether the task was done.
+    pub success: bool,
+    /// The arm at every control step.
+    pub frames: Vec<DemoFrameJson>,
+}
+
+/// Who made a demonstration.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DemoSource {
+    /// The scripted demonstrator.
+    Scripted,
+    /// A person at the demo page.
+    Page,
+    /// A person at the arm.
+    Arm,
+}
+
+/// The arm in one frame of a demonstration.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DemoFrameJson {
+    /// Joint angles, radians.
+    pub q: JointConfig,
+    /// Joint velocities, rad/s.
+    pub qd: [f32; DOF],
+    /// Whether the gripper counts as open.
+    pub gripper_open: bool,
+    /// Distance between the pads, metres.
+    pub gripper_width: f32,
+}
+
+impl DemoFile {
+    /// A scripted demonstration in scene `scene_seed`.
+    #[must_use]
+    pub fn scripted(demo: &Demonstration, scene_seed: u64) -> Self {
+        let first = &demo.frames[0];
+        let control_dt = first.params().control_dt;
+        let nexts = demo.frames.iter().skip(1).chain(demo.frames.last());
+        Self {
+            version: DEMO_VERSION,
+            source: DemoSource::Scripted,
+            robot: first.robot().name.to_owned(),
+            task: Some(first.spec().task.clone()),
+            scene_seed: Some(scene_seed),
+            control_dt,
+            success: demo.success,
+            frames: demo.frames.iter().zip(nexts).map(|(frame, next)| DemoFrameJson::new(frame, next, control_dt)).collect(),
+        }
+    }
+}
+
+impl DemoFrameJson {
+    /// The arm in `world`; its velocities from where it is in `next`, so that an arm that waits for its gripper has none.
+    fn new(world: &World, next: &World, control_dt: f32) -> Self {
+        let (q, width) = (*world.config(), world.gripper_width());
+        Self {
+            q,
+            qd: core::array::from_fn(|joint| (next.config()[joint] - q[joint]) / control_dt),
+            gripper_open: Proprio::openness(width, world.robot().gripper.max_width) > 0.5,
+            gripper_width: width,
+        }
     }
 }

@@ -11,6 +11,8 @@ mod timing;
 
 pub use baseline::{c2farm_path, linear_candidate};
 pub use bezier::{BezierCurve, BezierSettings};
+#[cfg(feature = "sim")]
+pub(crate) use candidates::map_in_order;
 pub use candidates::{CandidatePath, CandidateSet, CandidateSettings, CandidateStreams, PathQuery, RejectedPath, candidates};
 pub use linear::{LINEAR_STEPS, linear_path};
 pub use rrt_connect::{Plan, RrtSettings, rrt_connect};
@@ -147,6 +149,19 @@ pub enum Source {
     Linear,
 }
 
+impl Source {
+    /// A fixed word for files and counting.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Planner => "planner",
+            Self::Bezier => "bezier",
+            Self::Policy => "policy",
+            Self::Linear => "linear",
+        }
+    }
+}
+
 /// Why a generator produced no path: a value that users see, never an error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Rejection {
@@ -174,6 +189,24 @@ pub enum Rejection {
     LongerThanMean,
     /// The policy's path leaves the joint limits.
     OutsideLimits,
+}
+
+impl Rejection {
+    /// A fixed word for files and counting.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Unreachable => "unreachable",
+            Self::CurveUnreachable { .. } => "curve_unreachable",
+            Self::BranchJump { .. } => "branch_jump",
+            Self::StartCollides => "start_collides",
+            Self::GoalCollides => "goal_collides",
+            Self::IterationLimit => "iteration_limit",
+            Self::TooFewGoals => "too_few_goals",
+            Self::LongerThanMean => "longer_than_mean",
+            Self::OutsideLimits => "outside_limits",
+        }
+    }
 }
 
 #[cfg(test)]

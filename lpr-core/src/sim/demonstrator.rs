@@ -25,6 +25,8 @@ const PLANNER: RrtSettings = RrtSettings { range: 1.0, checks_per_radian: 32.0, 
 pub struct DemoPlan {
     /// The waypoints' goals, with the grasp turned by half a turn where the arm prefers it.
     pub goals: Vec<NextBestPose>,
+    /// How each goal is reached, turned as the goals are.
+    motions: Vec<Motion>,
     /// For each waypoint: the posture of a free motion's end, or the path of a prescribed one.
     steps: Vec<PlanStep>,
 }
@@ -44,41 +46,80 @@ impl PlanStep {
     }
 }
 
+impl DemoPlan {
+    /// The same motions to other goals, one for each waypoint: those that an agent can express, for instance.
+    ///
+    /// Straight lines end at the new goals. An arc is bent, so that it leads from the new goal before it to its own new goal:
+    /// each of its poses is displaced, in the frame of the grip, by a share of both displacements. `None` when the arm cannot
+    /// do that from `start`.
+    #[must_use]
+    pub fn with_goals(&self, robot: &Robot, start: &JointConfig, goals: &[NextBestPose], rng: &mut Rng) -> Option<Self> {
+        let displacement = |idx: usize| self.goals[idx].pose.inverse() * goals[idx].pose;
+        let waypoints = self.motions.iter().enumerate().zip(goals).map(|((idx, motion), goal)| {
+            let motion = match motion {
+                // The first waypoint is reached from where the arm starts, which stays.
+                Motion::Through(poses) if idx > 0 => Motion::Through(bent(poses, displacement(idx - 1), displacement(idx))),
+                other => other.clone(),
+            };
+            Waypoint { goal: *goal, motion }
+        });
+        plan_one_of(robot, start, vec![waypoints.collect()], rng)
+    }
+}
+
+/// `poses` displaced by more and more of `last` and less and less of `first`.
+fn bent(poses: &[Pose3], first: Pose3, last: Pose3) -> Vec<Pose3> {
+    let displaced = |(idx, pose): (usize, &Pose3)| {
+        let share = (idx + 1) as f32 / (poses.len() + 1) as f32;
+        let translation = first.translation.lerp(last.translation, share);
+        *pose * Pose3::from_parts(translation, first.rotation.slerp(last.rotation, share))
+    };
+    poses.iter().enumerate().map(displaced).collect()
+}
+
 /// Finds postures in which the arm at `start` can do every waypoint; `None` when it finds none.
 ///
 /// Both halves of the symmetric gripper's turn about its approach are tried.
 pub fn plan_waypoints(robot: &Robot, start: &JointConfig, waypoints: &[Waypoint], rng: &mut Rng) -> Option<DemoPlan> {
-    let (first, rest) = waypoints.split_first()?;
-    let mut postures: Vec<(f32, usize, JointConfig)> = Vec::new();
-    for (turn_idx, turn) in half_turns().into_iter().enumerate() {
-        let found = robot.ik_distinct(&(first.goal.pose * turn), POSTURES, POSTURE_DISTANCE, start, rng);
-        postures.extend(found.into_iter().map(|config| (config.distance(start), turn_idx, config)));
+    let half_turn = Pose3::from_rotation(Quat::from_xyzw(0.0, 0.0, 1.0, 0.0));
+    let turned = |waypoint: &Waypoint| Waypoint {
+        goal: NextBestPose { pose: waypoint.goal.pose * half_turn, gripper: waypoint.goal.gripper },
+        motion: match &waypoint.motion {
+            Motion::Through(poses) => Motion::Through(poses.iter().map(|pose| *pose * half_turn).collect()),
+            other => other.clone(),
+        },
+    };
+    plan_one_of(robot, start, vec![waypoints.to_vec(), waypoints.iter().map(turned).collect()], rng)
+}
+
+/// Finds postures for the waypoints of one of the alternatives, nearest to `start` first.
+fn plan_one_of(robot: &Robot, start: &JointConfig, alternatives: Vec<Vec<Waypoint>>, rng: &mut Rng) -> Option<DemoPlan> {
+    let mut postures: Vec<(f32, &[Waypoint], JointConfig)> = Vec::new();
+    for waypoints in &alternatives {
+        let found = robot.ik_distinct(&waypoints.first()?.goal.pose, POSTURES, POSTURE_DISTANCE, start, rng);
+        postures.extend(found.into_iter().map(|config| (config.distance(start), waypoints.as_slice(), config)));
     }
     postures.sort_by(|a, b| a.0.total_cmp(&b.0));
-    postures.into_iter().filter(|(_, _, config)| !robot.self_collides(config)).find_map(|(_, turn_idx, config)| {
-        let turn = half_turns()[turn_idx];
+    postures.into_iter().filter(|(_, _, config)| !robot.self_collides(config)).find_map(|(_, waypoints, config)| {
         let mut steps = vec![PlanStep::Free(config)];
-        for waypoint in rest {
-            steps.push(plan_step(robot, steps[steps.len() - 1].end(), waypoint, &turn)?);
+        for waypoint in &waypoints[1..] {
+            steps.push(plan_step(robot, steps[steps.len() - 1].end(), waypoint)?);
         }
-        let goals = waypoints.iter().map(|w| NextBestPose { pose: w.goal.pose * turn, gripper: w.goal.gripper }).collect();
-        Some(DemoPlan { goals, steps })
+        let goals = waypoints.iter().map(|waypoint| waypoint.goal).collect();
+        let motions = waypoints.iter().map(|waypoint| waypoint.motion.clone()).collect();
+        Some(DemoPlan { goals, motions, steps })
     })
 }
 
-fn half_turns() -> [Pose3; 2] {
-    [Pose3::IDENTITY, Pose3::from_rotation(Quat::from_xyzw(0.0, 0.0, 1.0, 0.0))]
-}
-
-fn plan_step(robot: &Robot, from: &JointConfig, waypoint: &Waypoint, turn: &Pose3) -> Option<PlanStep> {
-    let goal = waypoint.goal.pose * *turn;
+fn plan_step(robot: &Robot, from: &JointConfig, waypoint: &Waypoint) -> Option<PlanStep> {
+    let goal = waypoint.goal.pose;
     match &waypoint.motion {
         Motion::Free => robot.ik_nearest(&goal, from).map(PlanStep::Free),
         Motion::Linear => linear_path(robot, from, &goal).ok().map(PlanStep::Prescribed),
         Motion::Through(poses) => {
             let mut configs = vec![*from];
-            for pose in poses.iter().map(|pose| *pose * *turn).chain([goal]) {
-                let leg = linear_path(robot, &configs[configs.len() - 1], &pose).ok()?;
+            for pose in poses.iter().chain([&goal]) {
+                let leg = linear_path(robot, &configs[configs.len() - 1], pose).ok()?;
                 configs.extend_from_slice(&leg.configs()[1..]);
             }
             JointPath::new(configs).ok().map(PlanStep::Prescribed)
@@ -137,5 +178,40 @@ fn motion(env: &mut SimEnvironment, step: &PlanStep, rng: &mut Rng) -> Option<Jo
         Ok(plan) => Some(shortcut(&plan.path, &checker)),
         // The cloud is conservative: where it leaves no way, the straight joint-space motion is tried and judged by the world.
         Err(_) => JointPath::new(vec![start, goal]).ok(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::{Stream, stream};
+    use crate::robot::XARM7;
+    use crate::sim::place;
+    use crate::sim::tasks::Task;
+    use glamx::Vec3;
+
+    #[test]
+    fn a_plan_for_displaced_goals_ends_its_paths_there() {
+        let task = Task::by_name("toilet_seat_up").expect("a task");
+        let plan = place(task, &XARM7, 3).expect("a scene that can be placed").plan;
+        let shift = |idx: usize| Vec3::new(0.004, -0.003 * idx as f32, 0.002);
+        let mut goals = plan.goals.clone();
+        goals.iter_mut().enumerate().for_each(|(idx, goal)| goal.pose.translation += shift(idx));
+        let rng = &mut stream(3, Stream::Demo, 1);
+        let moved = plan.with_goals(&XARM7, &XARM7.start, &goals, rng).expect("goals a few millimetres away");
+        assert_eq!(moved.goals, goals);
+        for (step, goal) in moved.steps.iter().zip(&goals) {
+            let end = XARM7.grip(step.end()).translation;
+            assert!(end.distance(goal.pose.translation) < 1e-3, "{end} for {}", goal.pose.translation);
+        }
+    }
+
+    #[test]
+    fn a_bent_arc_keeps_its_poses_where_nothing_is_displaced() {
+        let poses: Vec<_> = (0..5).map(|i| Pose3::from_translation(Vec3::splat(i as f32))).collect();
+        assert_eq!(bent(&poses, Pose3::IDENTITY, Pose3::IDENTITY), poses);
+        let last = Pose3::from_translation(Vec3::X * 0.6);
+        let moved = bent(&poses, Pose3::IDENTITY, last);
+        assert!((moved[2].translation - poses[2].translation - Vec3::X * 0.3).length() < 1e-6);
     }
 }

@@ -11,6 +11,7 @@ use crate::error::Result;
 use crate::path::{JointPath, TimedPath, TimingSettings};
 use crate::perception::{Camera, Observation, Proprio, View, time_feature};
 use crate::q_attention::NextBestPose;
+use crate::rng::Rng;
 use crate::robot::{Gripper, Robot};
 use crate::scene::{self, ObstacleQuery, Scene, obstacle_scene};
 use glamx::{Pose3, Vec3};
@@ -116,6 +117,13 @@ impl SimEnvironment {
     #[must_use]
     pub fn plan(&self) -> &DemoPlan {
         &self.plan
+    }
+
+    /// This episode with a demonstrator that goes to `goals`, one for each of its waypoints; `None` when the arm cannot do that.
+    #[must_use]
+    pub fn with_goals(&self, goals: &[NextBestPose], rng: &mut Rng) -> Option<Self> {
+        let plan = self.plan.with_goals(self.robot, &self.robot.start, goals, rng)?;
+        Some(Self { plan: Arc::new(plan), ..self.clone() })
     }
 
     /// Placements drawn and rejected before this scene's.

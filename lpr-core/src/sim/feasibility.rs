@@ -4,7 +4,10 @@ use super::demonstrator::demonstrate;
 use super::env::SimEnvironment;
 use super::world::Holding;
 use crate::env::{Environment as _, StepResult};
-use crate::path::{CandidateSet, CandidateSettings, CandidateStreams, PathQuery, Source, candidates, linear_candidate};
+use crate::path::{
+    CandidatePath, CandidateSet, CandidateSettings, CandidateStreams, PathQuery, Source, candidates, linear_candidate,
+    map_in_order,
+};
 use crate::q_attention::NextBestPose;
 use crate::rng::{Stream, stream};
 
@@ -66,24 +69,33 @@ pub struct KeyframeTrials {
 }
 
 impl KeyframeSnapshot {
+    /// The candidates that an agent without a path policy would rank here.
+    #[must_use]
+    pub fn candidates(&self, settings: &CandidateSettings, streams: CandidateStreams) -> CandidateSet {
+        self.ask(|query| candidates(query, settings, streams))
+    }
+
     /// Executes every candidate from this snapshot.
     #[must_use]
     pub fn execute_all(&self, settings: &CandidateSettings, streams: CandidateStreams) -> KeyframeTrials {
+        let (set, linear) = self.ask(|query| (candidates(query, settings, streams), linear_candidate(query, settings)));
+        let trials = map_in_order(set.candidates.len(), |idx| self.execute(&set.candidates[idx]));
+        KeyframeTrials { set, trials, linear: linear.ok().map(|candidate| self.execute(&candidate)) }
+    }
+
+    /// What `answer` makes of the goal and what the cameras see now.
+    fn ask<T>(&self, answer: impl FnOnce(&PathQuery<'_>) -> T) -> T {
         let mut env = self.env.clone();
         let scene = env.obstacles(Some(&self.goal.pose));
         let start = *env.world().config();
-        let query = PathQuery { robot: env.robot(), start, goal: self.goal.pose, scene: &scene, policy_path: None };
-        let set = candidates(&query, settings, streams);
-        let trials = set.candidates.iter().map(|candidate| self.execute(candidate.source, &candidate.path)).collect();
-        let linear = linear_candidate(&query, settings).ok().map(|candidate| self.execute(Source::Linear, &candidate.path));
-        KeyframeTrials { set, trials, linear }
+        answer(&PathQuery { robot: env.robot(), start, goal: self.goal.pose, scene: &scene, policy_path: None })
     }
 
-    fn execute(&self, source: Source, path: &crate::path::JointPath) -> Trial {
+    fn execute(&self, candidate: &CandidatePath) -> Trial {
         let mut env = self.env.clone();
-        let result = env.step(path, self.goal.gripper);
+        let result = env.step(&candidate.path, self.goal.gripper);
         let same_grasp = result.invalid.is_none() && (env.world().holding() != Holding::Nothing) == self.holds;
         let success = if self.is_last { result.reward > 0.0 } else { result.reward > 0.0 || same_grasp };
-        Trial { source, result, success }
+        Trial { source: candidate.source, result, success }
     }
 }

@@ -3,28 +3,37 @@
 //! A command returns a report, which is printed as one JSON object (`--json`) or as a short table. Exit status 0: done,
 //! 1: failed, 2: wrong usage. A failure is one line on standard error that names the value at fault.
 
+mod demo;
 mod eval;
 mod fk;
 mod ik;
+mod paths;
+mod presets;
+mod render;
 mod robots;
+mod tasks;
 mod train;
 
 use crate::files::FileError;
 use clap::{Args, Parser, Subcommand};
 use core::fmt::Display;
 use lpr_core::robot::{ROBOTS, Robot};
+use lpr_core::sim::tasks::Task;
 use serde::Serialize;
 use std::ffi::OsString;
 use std::io::{self, Write as _};
 use std::process::ExitCode;
 use thiserror::Error;
 
+/// Exit status of arguments that are unknown, out of range or do not go together.
+const WRONG_USAGE: u8 = 2;
+
 /// What `lpr` alone prints.
 const INTRODUCTION: &str = "\
 lpr: robot arms that learn manipulation from a few demonstrations on a CPU (C2F-ARM with Learned Path Ranking).
-  lpr robots                the built-in arms and their joint limits
-  lpr fk --configs FILE     where the flange is in given configurations
-  lpr ik --poses FILE       configurations that bring the flange to given poses
+  lpr tasks                                          the tasks; lpr robots: the arms
+  lpr demo toilet_seat_up                            scripted demonstrations
+  lpr render toilet_seat_up --demo --out demo.gif    one of them as an animation, with the candidate paths of its keyframes
   lpr help [COMMAND]        every command and option; --json prints one JSON object instead of a table";
 
 #[derive(Debug, Parser)]
@@ -41,6 +50,14 @@ struct Cli {
 enum Command {
     /// List the built-in robots
     Robots,
+    /// List the tasks
+    Tasks,
+    /// Demonstrate a task by script
+    Demo(demo::Arguments),
+    /// List the candidate paths of a demonstration's keyframes, and execute each
+    Paths(paths::Arguments),
+    /// Draw a scene or a demonstration
+    Render(render::Arguments),
     /// Forward kinematics of the flange
     Fk(fk::Arguments),
     /// Inverse kinematics of the flange
@@ -55,6 +72,10 @@ impl Command {
     fn run(&self, format: Format) -> Result<()> {
         match self {
             Self::Robots => print(&robots::run(), format),
+            Self::Tasks => print(&tasks::run(), format),
+            Self::Demo(arguments) => print(&demo::run(arguments)?, format),
+            Self::Paths(arguments) => print(&paths::run(arguments)?, format),
+            Self::Render(arguments) => print(&render::run(arguments)?, format),
             Self::Fk(arguments) => print(&fk::run(arguments)?, format),
             Self::Ik(arguments) => print(&ik::run(arguments)?, format),
             Self::Train(arguments) => print(&train::run(arguments)?, format),
@@ -69,6 +90,19 @@ struct RobotArgument {
     /// The arm: xarm7 or panda
     #[arg(long, value_name = "NAME", value_parser = Robot::by_name, default_value = ROBOTS[0].name)]
     robot: &'static Robot,
+}
+
+/// The argument that chooses the task.
+#[derive(Debug, Clone, Copy, Args)]
+struct TaskArgument {
+    /// The task, one of `lpr tasks`
+    #[arg(value_name = "TASK", value_parser = Task::by_name)]
+    task: &'static Task,
+}
+
+/// The scenes of `episodes` episodes from `seed` on.
+fn scene_seeds(seed: u64, episodes: u32) -> impl Iterator<Item = u64> {
+    (0..u64::from(episodes)).map(move |episode| seed.wrapping_add(episode))
 }
 
 /// How a report is printed.
@@ -87,6 +121,9 @@ enum Failure {
     /// A file that cannot be read or written.
     #[error(transparent)]
     File(#[from] FileError),
+    /// Arguments that do not go together.
+    #[error("{0}")]
+    Usage(String),
     /// Standard output is closed or full.
     #[error("cannot write to standard output: {0}")]
     Output(#[from] io::Error),
@@ -109,7 +146,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             report_error(&failure.to_string());
-            ExitCode::FAILURE
+            if matches!(failure, Failure::Usage(_)) { WRONG_USAGE.into() } else { ExitCode::FAILURE }
         }
     }
 }
@@ -128,7 +165,7 @@ fn refuse(error: &clap::Error) -> ExitCode {
         .collect();
     let message = said.join("; ");
     report_error(message.strip_prefix("error: ").unwrap_or(&message));
-    ExitCode::from(2)
+    WRONG_USAGE.into()
 }
 
 /// Prints the one line that a failure prints.

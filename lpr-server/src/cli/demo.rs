@@ -1,0 +1,138 @@
+//! `lpr demo`: scripted demonstrations of a task.
+
+use super::{Failure, Result, RobotArgument, TaskArgument, presets, scene_seeds};
+use crate::files;
+use crate::formats::DemoFile;
+use core::fmt;
+use lpr_core::perception::VoxelBounds;
+use lpr_core::q_attention::{ActionCodec, NextBestPose};
+use lpr_core::rng::{Stream, stream};
+use lpr_core::sim::{Demonstration, SimEnvironment, SimParams, demonstrate};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+#[derive(Debug, clap::Args)]
+pub(super) struct Arguments {
+    #[command(flatten)]
+    task: TaskArgument,
+    #[command(flatten)]
+    robot: RobotArgument,
+    /// Demonstrations; number i is in scene SEED + i
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..))]
+    episodes: u32,
+    /// Seed of the first scene
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Replace every keyframe by the nearest one that an agent's discrete actions can express
+    #[arg(long)]
+    quantised: bool,
+    /// Write each demonstration to a file in this new directory
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+#[derive(Debug, Serialize)]
+pub(super) struct Report {
+    task: &'static str,
+    robot: &'static str,
+    quantised: bool,
+    episodes: u32,
+    successes: u32,
+    /// Number of failures for each reason.
+    failures: BTreeMap<&'static str, u32>,
+    /// Scene seeds of the failures.
+    failed_seeds: Vec<u64>,
+    /// Wall time.
+    seconds: f64,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<Report> {
+    let start = Instant::now();
+    let mut report = match &arguments.out {
+        None => demonstrate_all(arguments, None)?,
+        Some(path) => {
+            let mut report = None;
+            files::write_directory_atomically::<Failure>(path, |directory| {
+                report = Some(demonstrate_all(arguments, Some(directory))?);
+                Ok(())
+            })?;
+            report.expect("a directory that was written has been filled")
+        }
+    };
+    report.seconds = start.elapsed().as_secs_f64();
+    Ok(report)
+}
+
+/// Demonstrates every episode; the files go to `directory`.
+fn demonstrate_all(arguments: &Arguments, directory: Option<&Path>) -> Result<Report> {
+    let Arguments { task: TaskArgument { task }, robot: RobotArgument { robot }, episodes, seed, quantised, .. } = arguments;
+    let mut report = Report {
+        task: task.name,
+        robot: robot.name,
+        quantised: *quantised,
+        episodes: *episodes,
+        successes: 0,
+        failures: BTreeMap::new(),
+        failed_seeds: Vec::new(),
+        seconds: 0.0,
+    };
+    for seed in scene_seeds(*seed, *episodes) {
+        let failure = match demonstrate_seed(arguments, seed) {
+            Ok(demo) => {
+                if let Some(directory) = directory {
+                    let name = format!("{}-{}-{seed}.demo.json.gz", task.name, robot.name);
+                    files::write_json(&directory.join(name), &DemoFile::scripted(&demo, seed))?;
+                }
+                failure(&demo)
+            }
+            Err(reason) => Some(reason),
+        };
+        match failure {
+            None => report.successes += 1,
+            Some(reason) => {
+                *report.failures.entry(reason).or_default() += 1;
+                report.failed_seeds.push(seed);
+            }
+        }
+    }
+    Ok(report)
+}
+
+/// The demonstration in scene `seed`, or why there is none.
+fn demonstrate_seed(arguments: &Arguments, seed: u64) -> Result<Demonstration, &'static str> {
+    let Arguments { task: TaskArgument { task }, robot: RobotArgument { robot }, quantised, .. } = arguments;
+    let mut env = SimEnvironment::new(task, robot, seed, &["front"], &SimParams::STANDARD).map_err(|_| "unplaceable")?;
+    if *quantised {
+        env = quantise(&env, seed)?;
+    }
+    Ok(demonstrate(&mut env, &mut stream(seed, Stream::Demo, 0)))
+}
+
+/// The same scene with a demonstrator that goes where an agent could.
+fn quantise(env: &SimEnvironment, seed: u64) -> Result<SimEnvironment, &'static str> {
+    let bounds = VoxelBounds::scene(env.world().robot());
+    let codec = ActionCodec::new(&presets::q_attention(), bounds).expect("the preset's numbers fit together");
+    let goals: Option<Vec<NextBestPose>> = env.plan().goals.iter().map(|goal| codec.quantise(goal)).collect();
+    env.with_goals(&goals.ok_or("outside_voxels")?, &mut stream(seed, Stream::Demo, 1)).ok_or("unreachable")
+}
+
+/// Why a demonstration did not do the task.
+fn failure(demo: &Demonstration) -> Option<&'static str> {
+    (!demo.success).then(|| demo.invalid.map_or("not_done", |invalid| invalid.name()))
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { task, robot, quantised, episodes, successes, failures, failed_seeds, seconds } = self;
+        let goals = if *quantised { "quantised" } else { "scripted" };
+        writeln!(f, "{task}, {robot}, {goals} keyframes: {successes} of {episodes} in {seconds:.1} s")?;
+        failures.iter().try_for_each(|(reason, n)| writeln!(f, "  {n} {reason}"))?;
+        if !failed_seeds.is_empty() {
+            let seeds: Vec<_> = failed_seeds.iter().map(u64::to_string).collect();
+            writeln!(f, "  failed seeds: {}", seeds.join(" "))?;
+        }
+        Ok(())
+    }
+}

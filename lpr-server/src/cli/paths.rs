@@ -1,0 +1,331 @@
+//! `lpr paths`: the candidate paths of a demonstration's keyframes, and what becomes of each.
+
+use super::{Failure, Result, RobotArgument, TaskArgument, presets, scene_seeds};
+use core::fmt;
+use lpr_core::path::{CandidateSet, CandidateSettings, CandidateStreams, Source};
+use lpr_core::robot::{JointConfig, Robot};
+use lpr_core::sim::feasibility::{KeyframeSnapshot, KeyframeTrials, Trial, keyframe_snapshots};
+use lpr_core::sim::tasks::Task;
+use lpr_core::sim::{SimEnvironment, SimParams};
+use serde::Serialize;
+
+#[derive(Debug, clap::Args)]
+pub(super) struct Arguments {
+    #[command(flatten)]
+    task: TaskArgument,
+    #[command(flatten)]
+    robot: RobotArgument,
+    /// Demonstrations; number i is in scene SEED + i
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    episodes: u32,
+    /// Seed of the first scene
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Keyframe, counted from 0, or "all"
+    #[arg(long, value_name = "K|all", default_value = "0", value_parser = KeyframeChoice::parse)]
+    keyframe: KeyframeChoice,
+    /// Execute every candidate, each from the same snapshot
+    #[arg(long)]
+    execute: bool,
+    /// Standard deviation of the Bézier curves' middle points, metres
+    #[arg(long, value_name = "METRES", default_value_t = presets::candidates().bezier.sigma)]
+    sigma: f32,
+    /// Share of the planner's paths that are planned with collision checking on
+    #[arg(long, value_name = "SHARE", default_value_t = presets::candidates().planner_collision_free_fraction)]
+    collision_free_fraction: f32,
+    /// Contact force on the arm that ends an episode, newtons
+    #[arg(long, value_name = "NEWTONS", default_value_t = SimParams::STANDARD.abort_force)]
+    abort_force: f32,
+}
+
+/// Which keyframes of a demonstration.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum KeyframeChoice {
+    All,
+    One(usize),
+}
+
+impl KeyframeChoice {
+    fn parse(text: &str) -> Result<Self, String> {
+        match text {
+            "all" => Ok(Self::All),
+            number => number.parse().map(Self::One).map_err(|_| "expected a number from 0 or 'all'".to_owned()),
+        }
+    }
+
+    fn includes(self, keyframe: usize) -> bool {
+        self == Self::All || self == Self::One(keyframe)
+    }
+}
+
+/// Refuses a keyframe that the task does not have.
+pub(super) fn check_keyframe(task: &Task, keyframe: usize) -> Result<()> {
+    let last = task.keyframes - 1;
+    if keyframe <= last {
+        return Ok(());
+    }
+    Err(Failure::Usage(format!("--keyframe {keyframe}: the keyframes of {} are 0 to {last}", task.name)))
+}
+
+#[derive(Debug, Serialize)]
+pub(super) struct Report {
+    task: &'static str,
+    robot: &'static str,
+    episodes: u32,
+    /// Scene seeds whose demonstration failed, so that they have no keyframes.
+    skipped_seeds: Vec<u64>,
+    /// Every candidate, and every draw that gave none.
+    candidates: Vec<CandidateRow>,
+    summary: Summary,
+    keyframes: Vec<KeyframeRow>,
+}
+
+#[derive(Debug, Serialize)]
+struct CandidateRow {
+    episode: u32,
+    keyframe: usize,
+    source: &'static str,
+    collides: Option<bool>,
+    /// Length in configuration space, radians.
+    length: Option<f32>,
+    /// The ranker's value: none without a checkpoint.
+    value: Option<f32>,
+    /// Why the draw gave no candidate.
+    rejected: Option<&'static str>,
+    executed: bool,
+    success: Option<bool>,
+    /// Why the execution did not succeed.
+    reason: Option<&'static str>,
+    path: Option<Vec<JointConfig>>,
+}
+
+/// Counts over everything that was drawn.
+#[derive(Debug, Default, Serialize)]
+struct Summary {
+    planner: SourceRow,
+    bezier: SourceRow,
+    /// Share of the keyframes at which some candidate succeeds; none without `--execute`.
+    best_of_all: Option<f64>,
+}
+
+#[derive(Debug, Clone, Copy, Default, Serialize)]
+struct SourceRow {
+    drawn: u32,
+    admitted: u32,
+    /// None without `--execute`.
+    successes: Option<u32>,
+}
+
+/// Shares of successes at one keyframe, means over the episodes; none without `--execute`.
+#[derive(Debug, Serialize)]
+struct KeyframeRow {
+    keyframe: usize,
+    /// Episodes that got there.
+    snapshots: usize,
+    /// Candidates of a set.
+    admitted: f64,
+    /// The straight line of the grip.
+    linear: Option<f64>,
+    /// The shortest candidate that does not collide.
+    shortest_free: Option<f64>,
+    planner: Option<f64>,
+    bezier: Option<f64>,
+    /// Any candidate.
+    random: Option<f64>,
+    /// Some candidate.
+    best_of_all: Option<f64>,
+}
+
+/// One keyframe of one episode with its candidates.
+struct Drawn {
+    episode: u32,
+    keyframe: usize,
+    set: CandidateSet,
+    executed: Option<Executed>,
+}
+
+struct Executed {
+    trials: Vec<Trial>,
+    linear: Option<Trial>,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<Report> {
+    let Arguments { task: TaskArgument { task }, robot: RobotArgument { robot }, episodes, .. } = arguments;
+    if let KeyframeChoice::One(keyframe) = arguments.keyframe {
+        check_keyframe(task, keyframe)?;
+    }
+    if arguments.abort_force.is_nan() || arguments.abort_force <= 0.0 {
+        return Err(Failure::Usage(format!("--abort-force {}: expected newtons above 0", arguments.abort_force)));
+    }
+    let settings = settings(arguments)?;
+    let params = SimParams { abort_force: arguments.abort_force, ..SimParams::STANDARD };
+    let mut skipped_seeds = Vec::new();
+    let mut drawn = Vec::new();
+    for (episode, seed) in (0..).zip(scene_seeds(arguments.seed, *episodes)) {
+        let Some(snapshots) = snapshots(task, robot, seed, &params) else {
+            skipped_seeds.push(seed);
+            continue;
+        };
+        for (keyframe, snapshot) in snapshots.iter().enumerate().filter(|(keyframe, _)| arguments.keyframe.includes(*keyframe)) {
+            let streams = CandidateStreams { seed, step: keyframe as u64 };
+            let (set, executed) = if arguments.execute {
+                let KeyframeTrials { set, trials, linear } = snapshot.execute_all(&settings, streams);
+                (set, Some(Executed { trials, linear }))
+            } else {
+                (snapshot.candidates(&settings, streams), None)
+            };
+            drawn.push(Drawn { episode, keyframe, set, executed });
+        }
+    }
+    Ok(Report {
+        task: task.name,
+        robot: robot.name,
+        episodes: *episodes,
+        skipped_seeds,
+        candidates: drawn.iter().flat_map(Drawn::rows).collect(),
+        summary: summary(&drawn),
+        keyframes: (0..task.keyframes).filter_map(|keyframe| keyframe_row(keyframe, &drawn)).collect(),
+    })
+}
+
+/// The snapshots of the demonstration in scene `seed`; none when it fails.
+fn snapshots(task: &'static Task, robot: &'static Robot, seed: u64, params: &SimParams) -> Option<Vec<KeyframeSnapshot>> {
+    let env = SimEnvironment::new(task, robot, seed, &["front"], params).ok()?;
+    keyframe_snapshots(&env, seed)
+}
+
+fn settings(arguments: &Arguments) -> Result<CandidateSettings> {
+    let mut settings = presets::candidates();
+    settings.bezier.sigma = arguments.sigma;
+    settings.planner_collision_free_fraction = arguments.collision_free_fraction;
+    settings.check()?;
+    Ok(settings)
+}
+
+impl Drawn {
+    /// A row for each candidate, then one for each draw that gave none.
+    fn rows(&self) -> Vec<CandidateRow> {
+        let Self { episode, keyframe, set, executed } = self;
+        let blank = |source: Source| CandidateRow {
+            episode: *episode,
+            keyframe: *keyframe,
+            source: source.name(),
+            collides: None,
+            length: None,
+            value: None,
+            rejected: None,
+            executed: false,
+            success: None,
+            reason: None,
+            path: None,
+        };
+        let admitted = set.candidates.iter().enumerate().map(|(idx, candidate)| {
+            let trial = executed.as_ref().map(|executed| &executed.trials[idx]);
+            CandidateRow {
+                collides: Some(candidate.collides),
+                length: Some(candidate.path.length()),
+                executed: trial.is_some(),
+                success: trial.map(|trial| trial.success),
+                reason: trial.and_then(failure),
+                path: Some(candidate.path.configs().to_vec()),
+                ..blank(candidate.source)
+            }
+        });
+        let rejected =
+            set.rejected.iter().map(|rejected| CandidateRow { rejected: Some(rejected.reason.name()), ..blank(rejected.source) });
+        admitted.chain(rejected).collect()
+    }
+
+    /// Share of successes among the executed candidates that `chosen` picks.
+    fn share(&self, chosen: impl Fn(&Trial) -> bool) -> Option<f64> {
+        let trials = self.executed.as_ref()?.trials.iter().filter(|trial| chosen(trial));
+        mean(trials.map(|trial| is(trial.success)))
+    }
+
+    fn best_of_all(&self) -> Option<f64> {
+        self.executed.as_ref().map(|executed| is(executed.trials.iter().any(|trial| trial.success)))
+    }
+
+    /// Whether the shortest free candidate succeeded; where none is free that is a failure.
+    fn shortest_free(&self) -> Option<f64> {
+        let executed = self.executed.as_ref()?;
+        let shortest = self.set.shortest_free();
+        let trial = shortest.and_then(|shortest| self.set.candidates.iter().position(|candidate| candidate == shortest));
+        Some(is(trial.is_some_and(|idx| executed.trials[idx].success)))
+    }
+
+    fn linear(&self) -> Option<f64> {
+        self.executed.as_ref().map(|executed| is(executed.linear.as_ref().is_some_and(|trial| trial.success)))
+    }
+}
+
+/// Why an executed candidate did not succeed: what made it end, or that it did not do what the demonstrator did.
+fn failure(trial: &Trial) -> Option<&'static str> {
+    (!trial.success).then(|| trial.result.invalid.map_or("not_done", |invalid| invalid.name()))
+}
+
+fn is(success: bool) -> f64 {
+    f64::from(u8::from(success))
+}
+
+/// None of nothing.
+fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let (n, sum) = values.fold((0_u32, 0.0), |(n, sum), value| (n + 1, sum + value));
+    (n > 0).then(|| sum / f64::from(n))
+}
+
+fn summary(drawn: &[Drawn]) -> Summary {
+    let mut summary = Summary { best_of_all: mean(drawn.iter().filter_map(Drawn::best_of_all)), ..Summary::default() };
+    for (source, row) in [(Source::Planner, &mut summary.planner), (Source::Bezier, &mut summary.bezier)] {
+        for Drawn { set, executed, .. } in drawn {
+            let admitted = set.candidates.iter().filter(|candidate| candidate.source == source).count() as u32;
+            row.admitted += admitted;
+            row.drawn += admitted + set.rejected.iter().filter(|rejected| rejected.source == source).count() as u32;
+            if let Some(Executed { trials, .. }) = executed {
+                let successes = trials.iter().filter(|trial| trial.source == source && trial.success).count() as u32;
+                *row.successes.get_or_insert(0) += successes;
+            }
+        }
+    }
+    summary
+}
+
+/// The shares at one keyframe; none when no episode has it.
+fn keyframe_row(keyframe: usize, drawn: &[Drawn]) -> Option<KeyframeRow> {
+    let here: Vec<_> = drawn.iter().filter(|drawn| drawn.keyframe == keyframe).collect();
+    let share = |of: &dyn Fn(&Drawn) -> Option<f64>| mean(here.iter().filter_map(|drawn| of(drawn)));
+    Some(KeyframeRow {
+        keyframe,
+        snapshots: here.len(),
+        admitted: mean(here.iter().map(|drawn| drawn.set.candidates.len() as f64))?,
+        linear: share(&Drawn::linear),
+        shortest_free: share(&Drawn::shortest_free),
+        planner: share(&|drawn| drawn.share(|trial| trial.source == Source::Planner)),
+        bezier: share(&|drawn| drawn.share(|trial| trial.source == Source::Bezier)),
+        random: share(&|drawn| drawn.share(|_| true)),
+        best_of_all: share(&Drawn::best_of_all),
+    })
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { task, robot, episodes, skipped_seeds, keyframes, summary, .. } = self;
+        writeln!(f, "{task}, {robot}: {} of {episodes} episodes", *episodes as usize - skipped_seeds.len())?;
+        for (source, row) in [("planner", summary.planner), ("bezier", summary.bezier)] {
+            write!(f, "  {source:<8} {:>5} drawn {:>5} admitted", row.drawn, row.admitted)?;
+            row.successes.map_or(Ok(()), |successes| write!(f, " {successes:>5} successes"))?;
+            writeln!(f)?;
+        }
+        writeln!(f, "keyframe  episodes  candidates  linear  shortest-free  planner  bezier  random  best-of-all")?;
+        let percent = |share: Option<f64>| share.map_or("-".to_owned(), |share| format!("{:.0}%", 100.0 * share));
+        for row in keyframes {
+            write!(f, "{:>8}  {:>8}  {:>10.1}", row.keyframe, row.snapshots, row.admitted)?;
+            let shares = [row.linear, row.shortest_free, row.planner, row.bezier, row.random, row.best_of_all];
+            for (share, width) in shares.into_iter().zip([8, 15, 9, 8, 8, 13]) {
+                write!(f, "{:>width$}", percent(share))?;
+            }
+            writeln!(f)?;
+        }
+        Ok(())
+    }
+}
