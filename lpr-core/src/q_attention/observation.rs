@@ -1,9 +1,9 @@
 //! What replay keeps of an observation: enough to voxelise it again at any depth, turned and shifted.
 
-use crate::perception::{Observation, PointTransform, Proprio, VoxelBounds};
+use crate::perception::{Observation, Proprio, VoxelBounds};
 
 use glam::UVec3;
-use glamx::{Pose3, Vec3};
+use glamx::Vec3;
 
 /// Largest value of a quantised coordinate.
 const STEPS: f32 = u16::MAX as f32;
@@ -86,18 +86,6 @@ impl QObservation {
     pub fn n_bytes(&self) -> usize {
         size_of::<Self>() + self.points.capacity() * size_of::<StoredPoint>()
     }
-}
-
-/// Proprioception after the scene has moved: the grip's pose moves along, joint angles are left alone and no network reads them.
-#[must_use]
-pub(super) fn move_proprio(proprio: &Proprio, transform: &PointTransform) -> Proprio {
-    Proprio { grip: transform.pose() * proprio.grip, ..*proprio }
-}
-
-/// A pose after the scene has moved.
-#[must_use]
-pub(super) fn move_pose(pose: Pose3, transform: &PointTransform) -> Pose3 {
-    transform.pose() * pose
 }
 
 #[cfg(test)]
