@@ -79,9 +79,9 @@ fn settings(argument: &dyn Fn(usize, f32) -> f32) -> QAttentionSettings {
         weight_decay: 1e-6,
         gradient_clip: None,
         target_mix: 0.02,
-        translation_regularisation: vec![argument(11, 4.0), argument(12, 0.5)],
-        rotation_regularisation: argument(3, 0.3),
-        crop_jitter: argument(4, 0.33),
+        translation_regularisation: vec![argument(11, 8.0), argument(12, 1.0)],
+        rotation_regularisation: argument(3, 0.6),
+        crop_jitter: argument(4, 0.2),
         yaw_range: argument(5, PI / 4.0),
         shift_range: Vec3::new(0.125, 0.125, 0.0),
         network: NetworkSettings::Fast {
@@ -89,7 +89,7 @@ fn settings(argument: &dyn Fn(usize, f32) -> f32) -> QAttentionSettings {
             block_channels: argument(7, 96.0) as usize,
             head_channels: argument(8, 16.0) as usize,
             hidden: argument(9, 256.0) as usize,
-            harmonics: argument(10, 12.0) as usize,
+            harmonics: argument(10, 8.0) as usize,
         },
     }
 }

@@ -12,7 +12,7 @@ use crate::perception::{LOW_DIM, Proprio, VOXEL_CHANNELS, VoxelBounds, VoxelGrid
 use crate::rng::Rng;
 use crate::robot::Gripper;
 
-use burn::module::Module;
+use burn::module::Module as _;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use glamx::Vec3;
 use serde::{Deserialize, Serialize};
@@ -191,7 +191,8 @@ impl QAttention {
         let restored = self.depths.iter().zip(&state.depths).map(|(depth, state)| {
             let mut adam = depth.adam.clone();
             adam.restore(&state.adam)?;
-            let [online, target] = [import(depth.online.clone(), &state.online)?, import(depth.target.clone(), &state.target)?];
+            let online = import(depth.online.clone(), &state.online)?;
+            let target = import(depth.target.clone(), &state.target)?;
             Ok(Depth { online, target, adam })
         });
         self.depths = restored.collect::<Result<_>>()?;

@@ -30,7 +30,7 @@ pub struct QAttentionSettings {
     /// It is what makes near voxels differ: a voxel that is right with probability `p` is worth `1 - w K / (V p)`, with `V` voxels
     /// and `K` parts of the action (1, at the last depth 5). A weight with `w K / (V p) > 1` for every voxel teaches nothing.
     pub translation_regularisation: Vec<f32>,
-    /// Weight of the mean absolute value of all rotation and gripper values (released: 1).
+    /// Weight of the mean absolute value of all rotation and gripper values (released: 1); the same rule, over all their bins.
     pub rotation_regularisation: f32,
     /// How far the cube of a later depth is moved away from its label at random, as a fraction of its half width (released: 0.75).
     pub crop_jitter: f32,

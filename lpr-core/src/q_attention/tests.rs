@@ -8,7 +8,7 @@ use crate::perception::{VOXEL_CHANNELS, VoxelBounds};
 use crate::rng::{Rng, Stream, stream};
 use crate::robot::PANDA;
 
-use burn::module::{Module, ModuleVisitor, Param};
+use burn::module::{Module as _, ModuleVisitor, Param};
 use burn::tensor::{Gradients, Tensor, TensorData};
 use core::f32::consts::PI;
 use glamx::{Quat, Vec3};
