@@ -22,7 +22,7 @@ const EMPTY_WIDTH: f32 = 0.001;
 
 /// Physics steps by which contact forces lag behind the fingers.
 const FORCE_LEAD_STEPS: f32 = 4.0;
-/// Share of the grip force from which a handle counts as held.
+/// Share of the grip force from which a handle counts as held, and within which of it the force counts as calm.
 const FIRM: f32 = 0.8;
 
 /// What the gripper holds.
@@ -100,11 +100,19 @@ impl GripperState {
         })
     }
 
-    pub(super) fn settled(&self, spec: &GripperSpec) -> bool {
-        match self.command {
-            Gripper::Open => self.width >= spec.max_width,
-            Gripper::Close => self.holding != Holding::Nothing || self.width <= 0.0,
+    pub(super) fn settled(&self, params: &SimParams, spec: &GripperSpec) -> bool {
+        match (self.command, self.holding) {
+            (Gripper::Open, _) => self.width >= spec.max_width,
+            (Gripper::Close, Holding::Nothing) => self.width <= 0.0,
+            (Gripper::Close, Holding::Attached { .. }) => true,
+            (Gripper::Close, Holding::Pinched) => self.is_calm(params),
         }
+    }
+
+    /// Whether the grip force has come near what it will stay at: contacts answer late, so it first goes far beyond.
+    fn is_calm(&self, params: &SimParams) -> bool {
+        let [left, right] = self.expected_forces();
+        (0.5 * (left + right) - params.grip_force).abs() < (1.0 - FIRM) * params.grip_force
     }
 }
 

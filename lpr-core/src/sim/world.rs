@@ -122,7 +122,7 @@ impl World {
     /// Whether the gripper has reached what it was commanded to, or something that stops it.
     #[must_use]
     pub fn gripper_settled(&self) -> bool {
-        self.gripper.settled(&self.robot.gripper)
+        self.gripper.settled(&self.params, &self.robot.gripper)
     }
 
     /// What the gripper holds.

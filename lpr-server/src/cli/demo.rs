@@ -42,10 +42,19 @@ pub(super) struct Report {
     successes: u32,
     /// Number of failures for each reason.
     failures: BTreeMap<&'static str, u32>,
-    /// Scene seeds of the failures.
-    failed_seeds: Vec<u64>,
+    failed: Vec<FailedEpisode>,
     /// Wall time.
     seconds: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct FailedEpisode {
+    scene_seed: u64,
+    /// On the way to which it failed, counted from 0; none when it could not begin.
+    keyframe: Option<usize>,
+    reason: &'static str,
+    /// What happened, with bodies and forces.
+    message: Option<String>,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Report> {
@@ -75,25 +84,25 @@ fn demonstrate_all(arguments: &Arguments, directory: Option<&Path>) -> Result<Re
         episodes: *episodes,
         successes: 0,
         failures: BTreeMap::new(),
-        failed_seeds: Vec::new(),
+        failed: Vec::new(),
         seconds: 0.0,
     };
     for seed in scene_seeds(*seed, *episodes) {
-        let failure = match demonstrate_seed(arguments, seed) {
+        let failed = match demonstrate_seed(arguments, seed) {
             Ok(demo) => {
                 if let Some(directory) = directory {
                     let name = format!("{}-{}-{seed}.demo.json.gz", task.name, robot.name);
                     files::write_json(&directory.join(name), &DemoFile::scripted(&demo, seed))?;
                 }
-                failure(&demo)
+                FailedEpisode::of(&demo, seed)
             }
-            Err(reason) => Some(reason),
+            Err(reason) => Some(FailedEpisode { scene_seed: seed, keyframe: None, reason, message: None }),
         };
-        match failure {
+        match failed {
             None => report.successes += 1,
-            Some(reason) => {
-                *report.failures.entry(reason).or_default() += 1;
-                report.failed_seeds.push(seed);
+            Some(failed) => {
+                *report.failures.entry(failed.reason).or_default() += 1;
+                report.failed.push(failed);
             }
         }
     }
@@ -118,20 +127,27 @@ fn quantise(env: &SimEnvironment, seed: u64) -> Result<SimEnvironment, &'static 
     env.with_goals(&goals.ok_or("outside_voxels")?, &mut stream(seed, Stream::Demo, 1)).ok_or("unreachable")
 }
 
-/// Why a demonstration did not do the task.
-fn failure(demo: &Demonstration) -> Option<&'static str> {
-    (!demo.success).then(|| demo.invalid.map_or("not_done", |invalid| invalid.name()))
+impl FailedEpisode {
+    /// Why a demonstration did not do the task; none when it did.
+    fn of(demo: &Demonstration, scene_seed: u64) -> Option<Self> {
+        (!demo.success).then(|| Self {
+            scene_seed,
+            keyframe: demo.waypoint_frames.len().checked_sub(1),
+            reason: demo.invalid.map_or("not_done", |invalid| invalid.name()),
+            message: demo.invalid.map(|invalid| invalid.to_string()),
+        })
+    }
 }
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { task, robot, quantised, episodes, successes, failures, failed_seeds, seconds } = self;
+        let Self { task, robot, quantised, episodes, successes, failures, failed, seconds } = self;
         let goals = if *quantised { "quantised" } else { "scripted" };
         writeln!(f, "{task}, {robot}, {goals} keyframes: {successes} of {episodes} in {seconds:.1} s")?;
         failures.iter().try_for_each(|(reason, n)| writeln!(f, "  {n} {reason}"))?;
-        if !failed_seeds.is_empty() {
-            let seeds: Vec<_> = failed_seeds.iter().map(u64::to_string).collect();
-            writeln!(f, "  failed seeds: {}", seeds.join(" "))?;
+        for FailedEpisode { scene_seed, keyframe, reason, message } in failed {
+            let at = keyframe.map_or("before the first keyframe".to_owned(), |keyframe| format!("keyframe {keyframe}"));
+            writeln!(f, "  scene {scene_seed}, {at}: {}", message.as_deref().unwrap_or(reason))?;
         }
         Ok(())
     }

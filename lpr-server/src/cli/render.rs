@@ -225,7 +225,7 @@ impl<'a> Artist<'a> {
 /// A view over the whole arm and the workspace from the front and the side.
 fn beauty(robot: &Robot) -> Camera {
     let center = robot.workspace_center.extend(0.0);
-    let position = center + Vec3::new(0.95, -1.15, 0.85);
+    let position = center + Vec3::new(0.95, 1.15, 0.85);
     Camera::looking_at(BEAUTY, position, center + Vec3::new(-0.18, 0.0, 0.27), 38_f32.to_radians())
 }
 

@@ -1,0 +1,173 @@
+//! The commands that run the simulator, as a script sees them.
+
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use serde_json::{Value, json};
+use std::path::Path;
+use std::process::Command;
+
+/// Exit status, standard output and standard error.
+fn lpr(arguments: &[&str]) -> (i32, String, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_lpr")).args(arguments).output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+}
+
+/// The one JSON object that a successful command prints.
+#[track_caller]
+fn lpr_json(arguments: &[&str]) -> Value {
+    let (status, stdout, stderr) = lpr(&[arguments, &["--json"]].concat());
+    assert_eq!((status, stderr.as_str()), (0, ""), "{arguments:?}");
+    serde_json::from_str(&stdout).unwrap()
+}
+
+/// The one line that a failing command prints, without `error: `.
+#[track_caller]
+fn lpr_error(arguments: &[&str], expected_status: i32) -> String {
+    let (status, stdout, stderr) = lpr(arguments);
+    assert_eq!((status, stdout.as_str()), (expected_status, ""), "{arguments:?}: {stderr}");
+    assert_eq!(stderr.lines().count(), 1, "{stderr}");
+    stderr.trim_end().strip_prefix("error: ").unwrap().to_owned()
+}
+
+fn utf8(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+fn names(directory: &Path) -> Vec<String> {
+    let mut names: Vec<_> =
+        std::fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn tasks_are_listed_with_their_set_and_keyframes() {
+    let tasks = &lpr_json(&["tasks"])["tasks"];
+    let rows: Vec<_> = tasks.as_array().unwrap().iter().map(|task| (&task["name"], &task["set"], &task["keyframes"])).collect();
+    assert!(rows.contains(&(&json!("reach_target"), &json!("1"), &json!(1))));
+    assert!(rows.contains(&(&json!("toilet_seat_up"), &json!("2"), &json!(3))));
+    assert!(tasks.as_array().unwrap().iter().all(|task| !task["description"].as_str().unwrap().is_empty()));
+    assert!(lpr(&["tasks"]).1.contains("open_drawer"));
+}
+
+#[test]
+fn both_arms_do_every_task_by_script_and_with_quantised_keyframes() {
+    for task in ["reach_target", "take_lid_off_saucepan", "open_drawer", "toilet_seat_up"] {
+        for robot in ["xarm7", "panda"] {
+            for quantised in [&[][..], &["--quantised"]] {
+                let report = lpr_json(&[&["demo", task, "--robot", robot, "--episodes", "6"], quantised].concat());
+                assert_eq!((&report["task"], &report["robot"], &report["episodes"]), (&json!(task), &json!(robot), &json!(6)));
+                assert_eq!(report["quantised"], json!(!quantised.is_empty()));
+                let failed = report["failed"].as_array().unwrap().len() as u64;
+                assert_eq!(report["successes"].as_u64().unwrap() + failed, 6, "{report}");
+                assert!(failed <= 1, "{report}");
+                assert!(report["seconds"].as_f64() > Some(0.0));
+            }
+        }
+    }
+}
+
+#[test]
+fn demonstrations_are_written_whole_and_never_over_others() {
+    let root = tempfile::tempdir().unwrap();
+    let out = root.path().join("demos");
+    let arguments = ["demo", "reach_target", "--episodes", "2", "--seed", "7", "--out", utf8(&out)];
+    assert_eq!(lpr_json(&arguments)["successes"], 2);
+    assert_eq!(names(&out), ["reach_target-xarm7-7.demo.json.gz", "reach_target-xarm7-8.demo.json.gz"]);
+    let file = out.join("reach_target-xarm7-8.demo.json.gz");
+    let demo: lpr_server::formats::DemoFile = lpr_server::files::read_versioned_json(&file, 1).unwrap();
+    assert_eq!((demo.task.as_deref(), demo.robot.as_str(), demo.scene_seed), (Some("reach_target"), "xarm7", Some(8)));
+    assert!(demo.success && demo.frames.len() > 10 && demo.frames[0].gripper_open);
+    // What was written moves as it says: the next frame is where the velocity leads.
+    for pair in demo.frames.windows(2) {
+        let error = (0..7).map(|j| (pair[0].q[j] + pair[0].qd[j] * demo.control_dt - pair[1].q[j]).abs()).fold(0.0, f32::max);
+        assert!(error < 1e-5, "{error}");
+    }
+    let error = lpr_error(&arguments, 1);
+    assert!(error.starts_with(utf8(&out)) && error.contains("is not empty"), "{error}");
+    let file = out.join("reach_target-xarm7-7.demo.json.gz");
+    assert!(lpr_error(&["demo", "reach_target", "--out", utf8(&file.join("x"))], 1).starts_with(utf8(&file)));
+}
+
+#[test]
+fn candidates_are_listed_and_executed_from_snapshots() {
+    let arguments = ["paths", "take_lid_off_saucepan", "--keyframe", "all", "--seed", "3"];
+    let drawn = lpr_json(&arguments);
+    let executed = lpr_json(&[&arguments[..], &["--execute"]].concat());
+    let rows = |report: &Value| report["candidates"].as_array().unwrap().clone();
+    assert_eq!(rows(&drawn).len(), rows(&executed).len());
+    for (drawn, executed) in rows(&drawn).iter().zip(rows(&executed)) {
+        assert_eq!((&drawn["path"], &drawn["executed"]), (&executed["path"], &json!(false)));
+        assert!(drawn["value"].is_null() && drawn["success"].is_null());
+        let is_rejected = !executed["rejected"].is_null();
+        assert_eq!(executed["executed"], json!(!is_rejected));
+        assert_eq!(executed["path"].is_null(), is_rejected);
+        assert_eq!(executed["reason"].is_null(), is_rejected || executed["success"] == true, "{executed}");
+    }
+    let count = |source: &str, holds: &dyn Fn(&Value) -> bool| {
+        rows(&executed).iter().filter(|row| row["source"] == source && holds(row)).count()
+    };
+    for source in ["planner", "bezier"] {
+        let summary = &executed["summary"][source];
+        assert_eq!(summary["drawn"], count(source, &|_| true));
+        assert_eq!(summary["admitted"], count(source, &|row| row["rejected"].is_null()));
+        assert_eq!(summary["successes"], count(source, &|row| row["success"] == true));
+        assert!(drawn["summary"][source]["successes"].is_null());
+    }
+    assert!(executed["summary"]["best_of_all"].as_f64() > Some(0.0));
+    assert_eq!(executed["keyframes"].as_array().unwrap().len(), 3);
+    assert!(lpr(&arguments).1.contains("best-of-all"));
+}
+
+#[test]
+fn the_same_seed_gives_the_same_candidates_with_any_thread_count() {
+    let output = |threads: &str| {
+        let arguments = ["paths", "open_drawer", "--keyframe", "2", "--execute", "--json"];
+        Command::new(env!("CARGO_BIN_EXE_lpr")).args(arguments).env("RAYON_NUM_THREADS", threads).output().unwrap()
+    };
+    let (one, three) = (output("1"), output("3"));
+    assert!(one.status.success() && one.stdout == three.stdout);
+}
+
+#[test]
+fn pictures_have_the_size_that_is_printed() {
+    let root = tempfile::tempdir().unwrap();
+    let picture = root.path().join("scene.png");
+    let options = ["--camera", "beauty", "--size", "160x90", "--candidates", "outcome", "--keyframe", "2"];
+    let report = lpr_json(&[&["render", "toilet_seat_up", "--out", utf8(&picture)][..], &options].concat());
+    assert_eq!(report, json!({"file": utf8(&picture), "width": 160, "height": 90}));
+    let decoder = png::Decoder::new(std::io::BufReader::new(std::fs::File::open(&picture).unwrap()));
+    let reader = decoder.read_info().unwrap();
+    assert_eq!((reader.info().width, reader.info().height), (160, 90));
+    let animation = root.path().join("demo.gif");
+    let options = ["--demo", "--candidates", "--size", "64x48", "--out"];
+    let report = lpr_json(&[&["render", "reach_target"][..], &options, &[utf8(&animation)]].concat());
+    let mut decoder = gif::DecodeOptions::new().read_info(std::fs::File::open(&animation).unwrap()).unwrap();
+    let mut frames = 0;
+    while decoder.read_next_frame().unwrap().is_some() {
+        frames += 1;
+    }
+    assert_eq!((decoder.width(), decoder.height(), json!(frames)), (64, 48, report["frames"].clone()));
+    assert!(frames > 10);
+}
+
+#[test]
+fn wrong_usage_names_what_would_be_right() {
+    let error = lpr_error(&["demo", "make_coffee"], 2);
+    assert!(error.contains("unknown task 'make_coffee', known: reach_target"), "{error}");
+    assert!(lpr_error(&["demo", "reach_target", "--robot", "ur5"], 2).contains("known: xarm7, panda"));
+    assert!(lpr_error(&["demo", "reach_target", "--episodes", "0"], 2).contains("0 is not in 1.."));
+    assert!(lpr_error(&["paths", "reach_target", "--keyframe", "first"], 2).contains("a number from 0 or 'all'"));
+    assert!(lpr_error(&["paths", "reach_target", "--keyframe", "1"], 2).contains("keyframes of reach_target are 0 to 0"));
+    assert!(lpr_error(&["paths", "reach_target", "--sigma", "NaN"], 1).contains("bezier.sigma"));
+    assert!(lpr_error(&["paths", "reach_target", "--collision-free-fraction", "2"], 1).contains("0 to 1"));
+    assert!(lpr_error(&["paths", "reach_target", "--abort-force", "0"], 2).contains("newtons above 0"));
+    let error = lpr_error(&["render", "reach_target", "--camera", "rear", "--out", "a.png"], 2);
+    assert!(error.contains("unknown camera 'rear', known: front"), "{error}");
+    assert!(lpr_error(&["render", "reach_target", "--out", "a.jpg"], 2).contains("ends in .png"));
+    assert!(lpr_error(&["render", "reach_target", "--demo", "--out", "a.png"], 2).contains("ends in .gif"));
+    assert!(lpr_error(&["render", "reach_target", "--size", "0x9", "--out", "a.png"], 2).contains("WIDTHxHEIGHT"));
+    let error = lpr_error(&["render", "reach_target", "--out", "no/such/directory/a.png"], 1);
+    assert!(error.starts_with("no/such/directory/a.png: cannot write"), "{error}");
+}
