@@ -21,7 +21,7 @@ use crate::q_attention::NextBestPose;
 use crate::rng::Rng;
 use crate::robot::{DOF, JointConfig, Robot};
 
-use burn::module::Module;
+use burn::module::Module as _;
 use burn::tensor::Device;
 use serde::{Deserialize, Serialize};
 

@@ -29,7 +29,7 @@ use crate::rng::Rng;
 use crate::robot::Robot;
 use network::{Encoding, RankerNetwork};
 
-use burn::module::Module;
+use burn::module::Module as _;
 use burn::tensor::{Device, Tensor};
 use serde::{Deserialize, Serialize};
 
