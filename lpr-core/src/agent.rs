@@ -38,7 +38,9 @@ const HELD_WIDTH: f32 = 0.002;
 
 /// How a training step departs from the candidate of highest value.
 ///
-/// The paper has no exploration but the randomness of its candidates.
+/// The paper has no exploration but the randomness of its candidates. On the toy (16 candidates, 3 seeds, 30 scenes each), success
+/// after 150 steps is 0.94 greedily, 0.99 with ε from 0.2 and 1.00 with softmax at 0.1 (`examples/path_study.rs`): a greedy
+/// agent settles before it has tried everything.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Exploration {
