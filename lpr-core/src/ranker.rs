@@ -8,7 +8,9 @@
 //!
 //! - The paper gives the network the joints alone. [`RankerInput::Context`] also shows the head where the path starts and
 //!   ends, the next-best pose, whether the path collides, the gripper's state and command, and the time: without them two
-//!   keyframes whose paths look alike share one value. [`RankerInput::Joints`] is the paper's.
+//!   keyframes whose paths look alike share one value. [`RankerInput::Joints`] is the paper's. [`RankerInput::Grip`] adds for
+//!   every configuration the pose of the grip in the frame of the next-best pose, by forward kinematics: a path that turns a
+//!   hinge is then the same set of numbers wherever the hinge stands, which ten demonstrations need.
 //! - Joint angles are scaled so that the limits are ±1; the paper does not say how they enter.
 //! - The paper calls the network "the path policy" where it describes it; it is the ranker's.
 //! - Optimiser, discount and target mix are not in the paper; presets take the released code's. Its twin networks
@@ -39,6 +41,8 @@ pub enum RankerInput {
     Joints,
     /// The configurations, and for the head the situation in which the path would be taken.
     Context,
+    /// [`Self::Context`], and for every configuration where the grip is, seen from the next-best pose.
+    Grip,
 }
 
 /// How many value networks are trained.
@@ -163,12 +167,12 @@ impl Ranker {
     /// # Errors
     ///
     /// [`Error::Config`] when a layer has no outputs, or a factor lies outside 0 to 1.
-    pub fn new(settings: &RankerSettings, robot: &Robot, backend: Backend, rng: &mut Rng) -> Result<Self> {
+    pub fn new(settings: &RankerSettings, robot: &'static Robot, backend: Backend, rng: &mut Rng) -> Result<Self> {
         check(settings)?;
         let device = backend.device();
         let online = RankerNetwork::new(settings, &device, rng);
         let (target, adam) = (online.clone(), Adam::new(settings.adam, &online));
-        let encoding = Encoding { input: settings.input, joint_scale: JointScale::new(robot) };
+        let encoding = Encoding { input: settings.input, joint_scale: JointScale::new(robot), robot };
         Ok(Self { settings: settings.clone(), encoding, device, online, target, adam })
     }
 

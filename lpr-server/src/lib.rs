@@ -7,4 +7,5 @@ pub mod files;
 pub mod formats;
 pub mod images;
 pub mod metrics;
+pub mod run_directory;
 pub mod tensorboard;

@@ -14,7 +14,7 @@ pub use adam::{AdamSettings, AdamState, GradientClip};
 pub use parameters::NamedTensor;
 
 pub(crate) use adam::Adam;
-pub(crate) use features::{GOAL_FEATURES, JointScale, goal_features};
+pub(crate) use features::{GOAL_FEATURES, JointScale, POSE_FEATURES, goal_features, pose_features};
 pub(crate) use layers::{Dense, Mlp, Spread};
 pub(crate) use parameters::{export, import, mix};
 

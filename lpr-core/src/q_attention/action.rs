@@ -200,7 +200,14 @@ mod tests {
 
     fn codec(voxels_per_side: usize, rotation_bins: usize, zoom_half_widths: &[f32]) -> ActionCodec {
         let zoom_half_widths = zoom_half_widths.to_vec();
-        let settings = QAttentionSettings { voxels_per_side, rotation_bins, zoom_half_widths, ..test_settings() };
+        let translation_regularisation = vec![1.0; zoom_half_widths.len() + 1];
+        let settings = QAttentionSettings {
+            voxels_per_side,
+            rotation_bins,
+            zoom_half_widths,
+            translation_regularisation,
+            ..test_settings()
+        };
         ActionCodec::new(&settings, VoxelBounds::scene(&PANDA)).expect("settings that fit together")
     }
 

@@ -1,18 +1,21 @@
 //! The agent: one online and one target network per depth, acting from the coarse grid to the fine one, learning by updates.
 
 use super::batch::{Augmented, QSample};
-use super::loss::{Choices, chosen_values, depth_loss, td_target};
+use super::loss::{Choices, Regularisation, chosen_values, depth_loss, td_target};
 use super::network::{Heads, NetworkCost, NetworkInput, QNetwork, QValues};
 use super::{ActionCodec, DiscreteAction, NextBestPose, QAttentionSettings, QObservation};
-use crate::error::Result;
-use crate::nn::{Adam, AdamSettings, Backend, GradientClip, mix, tensor, values as floats};
+use crate::error::{Error, Result};
+use crate::nn::{
+    Adam, AdamSettings, AdamState, Backend, GradientClip, NamedTensor, export, import, mix, tensor, values as floats,
+};
 use crate::perception::{LOW_DIM, Proprio, VOXEL_CHANNELS, VoxelBounds, VoxelGrid, VoxelIndex, VoxelSpace};
 use crate::rng::Rng;
 use crate::robot::Gripper;
 
-use burn::module::Module;
+use burn::module::Module as _;
 use burn::tensor::{Device, Int, Tensor, TensorData};
 use glamx::Vec3;
+use serde::{Deserialize, Serialize};
 
 /// Coarse-to-fine Q-attention.
 #[derive(Debug, Clone)]
@@ -31,9 +34,28 @@ struct Depth {
     adam: Adam,
 }
 
+/// Which of the two networks of a depth to ask.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Weights {
+    /// The one that gradients change (the paper's choice).
+    Online,
+    /// The running mean of it, whose choices change less from one update to the next.
+    Target,
+}
+
+impl Depth {
+    fn network(&self, weights: Weights) -> &QNetwork {
+        match weights {
+            Weights::Online => &self.online,
+            Weights::Target => &self.target,
+        }
+    }
+}
+
 /// The agent's choice, with the values behind it.
 #[derive(Debug, Clone)]
-pub struct Decision {
+pub struct QDecision {
     /// Where to go.
     pub goal: NextBestPose,
     /// The same as bins.
@@ -55,6 +77,26 @@ pub struct DepthDecision {
     pub grid: VoxelGrid,
     /// Value of every voxel, in the order of [`VoxelSpace::flat_from_voxel`].
     pub values: Vec<f32>,
+}
+
+/// Weights and optimisers of all depths.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct QAttentionState {
+    /// One entry a depth.
+    pub depths: Vec<DepthState>,
+}
+
+/// What one depth has learned.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DepthState {
+    /// The network that gradients change.
+    pub online: Vec<NamedTensor>,
+    /// Its running mean.
+    pub target: Vec<NamedTensor>,
+    /// The optimiser.
+    pub adam: AdamState,
 }
 
 /// What an update did, for the log and the priorities of the replay.
@@ -105,7 +147,7 @@ impl QAttention {
     /// The best next pose for an observation: at every depth the voxel of highest value, at the last depth also the best
     /// rotation bins and gripper command.
     #[must_use]
-    pub fn act(&self, observation: &QObservation) -> Decision {
+    pub fn act(&self, observation: &QObservation, weights: Weights) -> QDecision {
         let mut depths = Vec::with_capacity(self.depths.len());
         let mut voxels = Vec::with_capacity(self.depths.len());
         let mut center = Vec3::ZERO;
@@ -113,7 +155,7 @@ impl QAttention {
         for (depth_idx, depth) in self.depths.iter().enumerate() {
             let space = self.codec.zoom(depth_idx, center).expect("there is a space for each depth");
             let grid = VoxelGrid::voxelise(observation.colored_points(), space);
-            let values = depth.online.forward(network_input(&[&grid], &[observation.proprio], &self.device));
+            let values = depth.network(weights).forward(network_input(&[&grid], &[observation.proprio], &self.device));
             let best = Choices::best(&values);
             let voxel = space.voxel_from_flat(ints(best.voxel.clone())[0]);
             center = space.point_from_voxel(voxel);
@@ -125,7 +167,39 @@ impl QAttention {
         self.decision(depths, voxels, values, &best)
     }
 
-    fn decision(&self, depths: Vec<DepthDecision>, voxels: Vec<VoxelIndex>, values: QValues, best: &Choices) -> Decision {
+    /// Everything that learns: what a checkpoint holds.
+    #[must_use]
+    pub fn state(&self) -> QAttentionState {
+        let depths = self.depths.iter().map(|depth| DepthState {
+            online: export(&depth.online),
+            target: export(&depth.target),
+            adam: depth.adam.state().clone(),
+        });
+        QAttentionState { depths: depths.collect() }
+    }
+
+    /// Goes on from `state`, bit by bit.
+    ///
+    /// # Errors
+    ///
+    /// When the state is of networks with other settings; the agent is then unchanged.
+    pub fn restore(&mut self, state: &QAttentionState) -> Result<()> {
+        if state.depths.len() != self.depths.len() {
+            let (expected, found) = (self.depths.len(), state.depths.len());
+            return Err(Error::Checkpoint(format!("Q-attention: expected {expected} depths, found {found}")));
+        }
+        let restored = self.depths.iter().zip(&state.depths).map(|(depth, state)| {
+            let mut adam = depth.adam.clone();
+            adam.restore(&state.adam)?;
+            let online = import(depth.online.clone(), &state.online)?;
+            let target = import(depth.target.clone(), &state.target)?;
+            Ok(Depth { online, target, adam })
+        });
+        self.depths = restored.collect::<Result<_>>()?;
+        Ok(())
+    }
+
+    fn decision(&self, depths: Vec<DepthDecision>, voxels: Vec<VoxelIndex>, values: QValues, best: &Choices) -> QDecision {
         let value = floats(chosen_values(&values, best).mean())[0];
         let pose = values.pose.expect("the last depth values rotation and gripper");
         let (bins, command) = best.pose.clone().expect("the last depth chooses rotation and gripper");
@@ -138,7 +212,7 @@ impl QAttention {
             rotation[axis * n_bins..(axis + 1) * n_bins].to_vec()
         };
         let gripper = floats(pose.gripper);
-        Decision {
+        QDecision {
             goal: self.codec.decode(&action),
             action,
             value,
@@ -227,7 +301,12 @@ impl QAttention {
         let leaves = depth.online.clone().train();
         let values = leaves.forward(input);
         let choices = labels(depth_idx, batch, values.pose.is_some(), &device);
-        let loss = depth_loss(&values, &choices, tensor(targets, [n], &device), tensor(weights, [n], &device), &self.settings);
+        let regularisation = Regularisation {
+            translation: self.settings.translation_regularisation[depth_idx],
+            rotation: self.settings.rotation_regularisation,
+        };
+        let [targets, weights] = [targets, weights].map(|column| tensor(column, [n], &device));
+        let loss = depth_loss(&values, &choices, targets, weights, regularisation);
         let gradients = loss.total.backward();
         depth.online = depth.adam.step(depth.online.clone(), &leaves, gradients);
         depth.target = mix(depth.target.clone(), &depth.online, self.settings.target_mix);

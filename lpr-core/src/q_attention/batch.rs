@@ -1,6 +1,5 @@
 //! Replayed transitions made ready for an update: augmented, with labels recomputed, and voxelised.
 
-use super::observation::{move_pose, move_proprio};
 use super::{ActionCodec, NextBestPose, QAttentionSettings, QObservation, canonical_grasp};
 use crate::perception::{PointTransform, Proprio, VoxelGrid, VoxelSpace};
 use crate::rng::Rng;
@@ -67,7 +66,7 @@ impl<'a> Augmented<'a> {
 
     /// `sample` moved by `transform`, the cube of each later depth moved by its `jitters` away from its label.
     fn new(sample: QSample<'a>, codec: &ActionCodec, transform: PointTransform, jitters: &[Vec3]) -> Option<Self> {
-        let pose = canonical_grasp(move_pose(sample.action.pose, &transform));
+        let pose = canonical_grasp(transform.pose() * sample.action.pose);
         let mut depths = Vec::with_capacity(codec.n_depths());
         let mut center = Vec3::ZERO;
         for depth_idx in 0..codec.n_depths() {
@@ -89,9 +88,9 @@ impl<'a> Augmented<'a> {
         VoxelGrid::voxelise(self.transform.apply(observation.colored_points()), space)
     }
 
-    /// Proprioception of a moved observation.
+    /// Proprioception of a moved observation: the grip moves along; joint angles stay, and no network reads them.
     pub(super) fn moved_proprio(&self, observation: &QObservation) -> Proprio {
-        move_proprio(&observation.proprio, &self.transform)
+        Proprio { grip: self.transform.pose() * observation.proprio.grip, ..observation.proprio }
     }
 }
 
@@ -141,7 +140,8 @@ mod tests {
         ) {
             let zoom_half_widths = [vec![0.15], vec![0.1, 0.02], vec![]][shape].clone();
             let shift_range = Vec3::new(0.125, 0.125, 0.05);
-            let settings = QAttentionSettings { zoom_half_widths, yaw_range, shift_range, crop_jitter, ..test_settings() };
+            let translation_regularisation = vec![1.0; zoom_half_widths.len() + 1];
+            let settings = QAttentionSettings { zoom_half_widths, translation_regularisation, yaw_range, shift_range, crop_jitter, ..test_settings() };
             let codec = ActionCodec::new(&settings, VoxelBounds::scene(&PANDA)).expect("settings that fit together");
             let rotation = Quat::from_rotation_z(euler[2]) * Quat::from_rotation_y(euler[1]) * Quat::from_rotation_x(euler[0]);
             let (observation, action) = point_and_pose(point, rotation);

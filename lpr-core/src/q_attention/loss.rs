@@ -11,7 +11,6 @@
 //! the same `y`, and `V'` is the mean over them. Huber is quadratic within 1.
 
 use super::network::{PoseValues, QValues};
-use super::settings::QAttentionSettings;
 
 use burn::tensor::{Int, Tensor};
 
@@ -56,23 +55,30 @@ pub(super) struct DepthLoss {
     pub(super) huber: Tensor<1>,
 }
 
+/// `λ_t` and `λ_r`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Regularisation {
+    pub(super) translation: f32,
+    pub(super) rotation: f32,
+}
+
 /// The loss of one depth; `targets` and `weights` are `[B]`.
 pub(super) fn depth_loss(
     values: &QValues,
     choices: &Choices,
     targets: Tensor<1>,
     weights: Tensor<1>,
-    settings: &QAttentionSettings,
+    regularisation: Regularisation,
 ) -> DepthLoss {
     let chosen = chosen_values(values, choices);
     let [n, n_parts] = chosen.dims();
     let errors = (chosen - targets.reshape([n, 1]).expand([n, n_parts])).abs();
     let huber = huber(errors).mean_dim(1).reshape([n]);
-    let mut per_sample = huber.clone() + mean_size(values.translation.clone()) * settings.translation_regularisation;
+    let mut per_sample = huber.clone() + mean_size(values.translation.clone()) * regularisation.translation;
     if let Some(pose) = &values.pose {
         let [_, _, bins] = pose.rotation.dims();
         let all = Tensor::cat(vec![pose.rotation.clone().reshape([n, 3 * bins]), pose.gripper.clone()], 1);
-        per_sample = per_sample + mean_size(all) * settings.rotation_regularisation;
+        per_sample = per_sample + mean_size(all) * regularisation.rotation;
     }
     DepthLoss { total: (per_sample * weights).mean(), huber }
 }
@@ -94,7 +100,6 @@ fn mean_size(values: Tensor<2>) -> Tensor<1> {
 mod tests {
     use super::*;
     use crate::nn::{Backend, tensor, values as read};
-    use crate::q_attention::settings::tests::test_settings;
 
     use burn::tensor::{Device, TensorData};
 
@@ -138,9 +143,14 @@ mod tests {
         let device = Backend::Flex.device();
         let values = values(&device);
         let best = Choices::best(&values);
-        let settings = QAttentionSettings { translation_regularisation: 0.5, rotation_regularisation: 0.25, ..test_settings() };
-        let loss =
-            depth_loss(&values, &best, tensor(vec![1.0, 0.0], [2], &device), tensor(vec![1.0, 0.5], [2], &device), &settings);
+        let regularisation = Regularisation { translation: 0.5, rotation: 0.25 };
+        let loss = depth_loss(
+            &values,
+            &best,
+            tensor(vec![1.0, 0.0], [2], &device),
+            tensor(vec![1.0, 0.5], [2], &device),
+            regularisation,
+        );
         // Sample 0 against y = 1: errors 0.1, 1.2, 1, 0.8, 0.5. Sample 1 against y = 0: 2.5, 0.4, 0.6, 0.8, 0.
         let huber = [(0.005 + 0.7 + 0.5 + 0.32 + 0.125) / 5.0, (2.0 + 0.08 + 0.18 + 0.32) / 5.0];
         for (found, expected) in read(loss.huber).iter().zip(huber) {
@@ -160,9 +170,9 @@ mod tests {
         let translation = tensor(vec![3.0, 0.5, -2.0, 0.2], [1, 4], &device).require_grad();
         let values = QValues { translation: translation.clone(), pose: None };
         let voxel = Tensor::from_data(TensorData::new(vec![0_i32], [1, 1]), &device);
-        let settings = QAttentionSettings { translation_regularisation: 0.4, ..test_settings() };
+        let regularisation = Regularisation { translation: 0.4, rotation: 0.0 };
         let one = tensor(vec![1.0], [1], &device);
-        let loss = depth_loss(&values, &Choices { voxel, pose: None }, one.clone(), one, &settings);
+        let loss = depth_loss(&values, &Choices { voxel, pose: None }, one.clone(), one, regularisation);
         let gradient = read(translation.grad(&loss.total.backward()).expect("the loss depends on it"));
         // Huber beyond 1 has slope 1 on the chosen voxel; |Q| has slope ±0.1 on all.
         for (found, expected) in gradient.iter().zip([1.1, 0.1, -0.1, 0.1]) {

@@ -14,7 +14,7 @@ mod settings;
 
 pub use action::{ActionCodec, DiscreteAction, RotationCodec, canonical, canonical_grasp};
 #[cfg(feature = "learn")]
-pub use agent::{Decision, DepthDecision, QAttention, UpdateReport};
+pub use agent::{DepthDecision, DepthState, QAttention, QAttentionState, QDecision, UpdateReport, Weights};
 #[cfg(feature = "learn")]
 pub use batch::QSample;
 

@@ -1,9 +1,8 @@
 //! What replay keeps of an observation: enough to voxelise it again at any depth, turned and shifted.
 
-use crate::perception::{Observation, PointTransform, Proprio, VoxelBounds};
+use crate::perception::{Observation, Proprio, VoxelBounds};
 
-use glam::UVec3;
-use glamx::{Pose3, Vec3};
+use glamx::Vec3;
 
 /// Largest value of a quantised coordinate.
 const STEPS: f32 = u16::MAX as f32;
@@ -56,15 +55,16 @@ impl QObservation {
         spacing: f32,
     ) -> Self {
         assert!(spacing > 0.0, "points are thinned to a positive spacing, got {spacing}");
-        let n_cells = (bounds.size / spacing).ceil().as_uvec3().max(UVec3::ONE);
-        let mut taken = vec![false; n_cells.element_product() as usize];
+        let n_cells = (bounds.size / spacing).to_array().map(|cells| (cells.ceil() as usize).max(1));
+        let mut taken = vec![false; n_cells.iter().product()];
         let mut points = Vec::new();
         for (point, rgb) in cloud {
             if !bounds.contains(point) {
                 continue;
             }
-            let cell = ((point - bounds.min) / spacing).as_uvec3().min(n_cells - 1);
-            let taken = &mut taken[((cell.z * n_cells.y + cell.y) * n_cells.x + cell.x) as usize];
+            let cell = ((point - bounds.min) / spacing).to_array();
+            let [x, y, z] = [0, 1, 2].map(|axis| (cell[axis] as usize).min(n_cells[axis] - 1));
+            let taken = &mut taken[(z * n_cells[1] + y) * n_cells[0] + x];
             if !*taken {
                 *taken = true;
                 let steps = (point - bounds.min) / bounds.size * STEPS + 0.5;
@@ -86,18 +86,6 @@ impl QObservation {
     pub fn n_bytes(&self) -> usize {
         size_of::<Self>() + self.points.capacity() * size_of::<StoredPoint>()
     }
-}
-
-/// Proprioception after the scene has moved: the grip's pose moves along, joint angles are left alone and no network reads them.
-#[must_use]
-pub(super) fn move_proprio(proprio: &Proprio, transform: &PointTransform) -> Proprio {
-    Proprio { grip: transform.pose() * proprio.grip, ..*proprio }
-}
-
-/// A pose after the scene has moved.
-#[must_use]
-pub(super) fn move_pose(pose: Pose3, transform: &PointTransform) -> Pose3 {
-    transform.pose() * pose
 }
 
 #[cfg(test)]

@@ -25,9 +25,12 @@ pub struct QAttentionSettings {
     pub gradient_clip: Option<f32>,
     /// Fraction of the online weights mixed into the target after every update, `τ` (released: 0.0025).
     pub target_mix: f32,
-    /// Weight of the mean absolute value of all translation values (released: 1).
-    pub translation_regularisation: f32,
-    /// Weight of the mean absolute value of all rotation and gripper values (released: 1).
+    /// Weight of the mean absolute value of all translation values, one entry a depth (released: 1 each).
+    ///
+    /// It is what makes near voxels differ: a voxel that is right with probability `p` is worth `1 - w K / (V p)`, with `V` voxels
+    /// and `K` parts of the action (1, at the last depth 5). A weight with `w K / (V p) > 1` for every voxel teaches nothing.
+    pub translation_regularisation: Vec<f32>,
+    /// Weight of the mean absolute value of all rotation and gripper values (released: 1); the same rule, over all their bins.
     pub rotation_regularisation: f32,
     /// How far the cube of a later depth is moved away from its label at random, as a fraction of its half width (released: 0.75).
     pub crop_jitter: f32,
@@ -90,6 +93,9 @@ impl QAttentionSettings {
         if self.zoom_half_widths.iter().any(|half| !half.is_finite() || *half <= 0.0) {
             return fail("zoom_half_widths must be positive lengths");
         }
+        if self.translation_regularisation.len() != self.n_depths() {
+            return fail("translation_regularisation must have one entry a depth");
+        }
         if !(0.0..1.0).contains(&self.crop_jitter) {
             return fail("crop_jitter must lie in 0..1, or the label could never be inside");
         }
@@ -117,7 +123,7 @@ pub(super) mod tests {
             weight_decay: 0.0,
             gradient_clip: None,
             target_mix: 0.02,
-            translation_regularisation: 1.0,
+            translation_regularisation: vec![1.0; 2],
             rotation_regularisation: 1.0,
             crop_jitter: 0.5,
             yaw_range: 0.5,
@@ -141,10 +147,11 @@ pub(super) mod tests {
     #[test]
     fn settings_that_cannot_work_are_named() {
         type Change = fn(&mut QAttentionSettings);
-        let cases: [(Change, &str); 5] = [
+        let cases: [(Change, &str); 6] = [
             (|s| s.voxels_per_side = 10, "voxels_per_side"),
             (|s| s.rotation_bins = 30, "rotation_bins"),
             (|s| s.zoom_half_widths = vec![0.0], "zoom_half_widths"),
+            (|s| s.translation_regularisation = vec![1.0], "translation_regularisation"),
             (|s| s.crop_jitter = 1.0, "crop_jitter"),
             (|s| s.target_mix = 1.5, "target_mix"),
         ];

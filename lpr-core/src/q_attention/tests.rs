@@ -8,7 +8,7 @@ use crate::perception::{VOXEL_CHANNELS, VoxelBounds};
 use crate::rng::{Rng, Stream, stream};
 use crate::robot::PANDA;
 
-use burn::module::{Module, ModuleVisitor, Param};
+use burn::module::{Module as _, ModuleVisitor, Param};
 use burn::tensor::{Gradients, Tensor, TensorData};
 use core::f32::consts::PI;
 use glamx::{Quat, Vec3};
@@ -57,7 +57,7 @@ fn one_keyframe_is_learned() {
     let reports = (0..100).map(|update| agent.update(&batch, &mut stream(1, Stream::Augment, update))).collect::<Vec<_>>();
     assert!(reports.iter().all(|report| report.mean_target == 1.0), "every row is terminal and rewarded");
     for (observation, goal) in &scenes {
-        let chosen = agent.act(observation).goal;
+        let chosen = agent.act(observation, Weights::Online).goal;
         let near = agent.codec().quantise(goal).expect("inside the bounds");
         let distance = chosen.pose.translation.distance(near.pose.translation);
         // 3.75 cm: the side of a voxel of the last depth.
@@ -83,9 +83,29 @@ fn ten_updates_are_the_same_bits_twice() {
 }
 
 #[test]
+fn a_restored_agent_goes_on_bit_by_bit() {
+    let mut straight = agent(test_settings());
+    let scenes = (0..2).map(scene).collect::<Vec<_>>();
+    let batch = scenes.iter().map(terminal).collect::<Vec<_>>();
+    straight.update(&batch, &mut stream(1, Stream::Augment, 0));
+    let rng = &mut stream(77, Stream::Init, 0);
+    let bounds = VoxelBounds::scene(&PANDA);
+    let mut resumed = QAttention::new(test_settings(), bounds, Backend::Flex, rng).expect("the same settings");
+    assert_ne!(resumed.state(), straight.state());
+    resumed.restore(&straight.state()).expect("a state of the same settings");
+    for update in 1..3 {
+        let rng = || stream(1, Stream::Augment, update);
+        assert_eq!(straight.update(&batch, &mut rng()), resumed.update(&batch, &mut rng()));
+    }
+    let mut other =
+        agent(QAttentionSettings { zoom_half_widths: vec![], translation_regularisation: vec![1.0], ..test_settings() });
+    assert!(other.restore(&straight.state()).is_err());
+}
+
+#[test]
 fn a_decision_is_the_best_of_its_values() {
     let agent = agent(test_settings());
-    let decision = agent.act(&scene(0).0);
+    let decision = agent.act(&scene(0).0, Weights::Target);
     assert_eq!(decision.depths.len(), 2);
     for (depth, voxel) in decision.depths.iter().zip(&decision.action.voxels) {
         let best = depth.values[depth.grid.space.flat_from_voxel(*voxel)];
@@ -96,7 +116,7 @@ fn a_decision_is_the_best_of_its_values() {
         assert!(values.iter().all(|value| *value <= values[bin]));
     }
     assert_eq!(agent.codec().decode(&decision.action), decision.goal);
-    assert_eq!(agent.act(&scene(0).0).goal, decision.goal);
+    assert_eq!(agent.act(&scene(0).0, Weights::Target).goal, decision.goal);
 }
 
 #[test]
@@ -113,7 +133,7 @@ fn gradients_of_the_loss_are_its_differences() {
     tensors.iter_mut().flat_map(|tensor| &mut tensor.values).for_each(|value| *value += rng.random_range(-0.1..0.1));
     let network = import(network, &tensors).expect("its own tensors");
     let leaves = network.clone().train();
-    let gradients = loss_of(&leaves, &settings, &plain.clone().autodiff()).backward();
+    let gradients = loss_of(&leaves, &plain.clone().autodiff()).backward();
     let gradients = collect(&leaves, gradients);
     let step = 2e-3;
     let moved = |k: usize, by: f32| {
@@ -122,7 +142,7 @@ fn gradients_of_the_loss_are_its_differences() {
         let norm = gradients[k].iter().map(|g| g * g).sum::<f32>().sqrt().max(1e-9);
         tensors[k].values.iter_mut().zip(&gradients[k]).for_each(|(value, g)| *value += by * g / norm);
         let network = import(network.clone(), &tensors).expect("its own tensors");
-        values(loss_of(&network, &settings, &plain))[0]
+        values(loss_of(&network, &plain))[0]
     };
     for (k, gradient) in gradients.iter().enumerate() {
         let norm = gradient.iter().map(|g| g * g).sum::<f32>().sqrt();
@@ -131,7 +151,7 @@ fn gradients_of_the_loss_are_its_differences() {
     }
 }
 
-fn loss_of(network: &QNetwork, settings: &QAttentionSettings, device: &burn::tensor::Device) -> Tensor<1> {
+fn loss_of(network: &QNetwork, device: &burn::tensor::Device) -> Tensor<1> {
     let rng: &mut Rng = &mut stream(4, Stream::Noise, 0);
     let n_voxels = 512;
     let random = |n: usize, rng: &mut Rng| (0..n).map(|_| rng.random_range(-1.0..1.0)).collect::<Vec<f32>>();
@@ -149,7 +169,8 @@ fn loss_of(network: &QNetwork, settings: &QAttentionSettings, device: &burn::ten
     };
     let targets = tensor(vec![1.0, 0.3], [2], device);
     let weights = tensor(vec![1.0, 0.5], [2], device);
-    depth_loss(&network.forward(input), &choices, targets, weights, settings).total
+    let regularisation = loss::Regularisation { translation: 1.0, rotation: 1.0 };
+    depth_loss(&network.forward(input), &choices, targets, weights, regularisation).total
 }
 
 fn collect(leaves: &QNetwork, gradients: Gradients) -> Vec<Vec<f32>> {

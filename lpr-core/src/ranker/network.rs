@@ -1,10 +1,10 @@
 //! The value network and the tensors that it reads.
 
-use super::{Critics, RankedPath, RankerInput, RankerSample, RankerSettings};
+use super::{Critics, RankedPath, RankerContext, RankerInput, RankerSample, RankerSettings};
 use crate::error::{Error, Result};
-use crate::nn::{GOAL_FEATURES, JointScale, Mlp, Spread, goal_features, tensor, values};
+use crate::nn::{GOAL_FEATURES, JointScale, Mlp, POSE_FEATURES, Spread, goal_features, pose_features, tensor, values};
 use crate::rng::Rng;
-use crate::robot::DOF;
+use crate::robot::{DOF, JointConfig, Robot};
 
 use burn::module::Module;
 use burn::tensor::activation::relu;
@@ -12,6 +12,28 @@ use burn::tensor::{Device, Tensor};
 
 /// Numbers of the context: start and goal configuration, next-best pose, collides, gripper open, time.
 const CONTEXT_FEATURES: usize = 2 * DOF + GOAL_FEATURES + 3;
+
+/// Numbers of a grip pose in the frame of the goal: position and two columns of the rotation.
+const GRIP_FEATURES: usize = POSE_FEATURES;
+/// Length that a position feature of 1 stands for, metres: the scale of the motions that hinges and slides ask for.
+const GRIP_SCALE: f32 = 0.2;
+
+/// Numbers of one configuration.
+const fn config_features(input: RankerInput) -> usize {
+    match input {
+        RankerInput::Joints | RankerInput::Context => DOF,
+        RankerInput::Grip => DOF + GRIP_FEATURES,
+    }
+}
+
+/// Numbers that only the head reads.
+const fn context_features(input: RankerInput) -> usize {
+    match input {
+        RankerInput::Joints => 0,
+        RankerInput::Context => CONTEXT_FEATURES,
+        RankerInput::Grip => CONTEXT_FEATURES + GRIP_FEATURES,
+    }
+}
 
 /// One value network.
 #[derive(Module, Debug)]
@@ -22,12 +44,10 @@ pub(super) struct Critic {
 
 impl Critic {
     pub(super) fn new(settings: &RankerSettings, device: &Device, rng: &mut Rng) -> Self {
-        let encoder_widths: Vec<_> = [DOF].into_iter().chain(settings.config_widths.iter().copied()).collect();
+        let encoder_widths: Vec<_> =
+            [config_features(settings.input)].into_iter().chain(settings.config_widths.iter().copied()).collect();
         let pooled = encoder_widths[encoder_widths.len() - 1];
-        let n_context = match settings.input {
-            RankerInput::Joints => 0,
-            RankerInput::Context => CONTEXT_FEATURES,
-        };
+        let n_context = context_features(settings.input);
         let head_widths: Vec<_> =
             [pooled + n_context].into_iter().chain(settings.head_widths.iter().copied()).chain([1]).collect();
         Self {
@@ -77,9 +97,9 @@ impl RankerNetwork {
 /// A batch of paths as tensors.
 #[derive(Debug)]
 pub(super) struct PathTensors {
-    /// `[B * T, J]`, scaled joint angles.
+    /// `[B * T, J]`, scaled joint angles; with [`RankerInput::Grip`] followed by the grip in the frame of the goal.
     configs: Tensor<2>,
-    /// `[B, CONTEXT_FEATURES]`.
+    /// `[B, context_features]`.
     context: Option<Tensor<2>>,
     /// `B` and `T`.
     dims: [usize; 2],
@@ -90,6 +110,7 @@ pub(super) struct PathTensors {
 pub(super) struct Encoding {
     pub(super) input: RankerInput,
     pub(super) joint_scale: JointScale,
+    pub(super) robot: &'static Robot,
 }
 
 impl Encoding {
@@ -101,23 +122,37 @@ impl Encoding {
             return Err(shape_error("at least one path".to_owned(), "none".to_owned()));
         };
         let path_len = first.path.path.configs().len();
-        let mut configs = Vec::with_capacity(samples.len() * path_len * DOF);
+        let (n_config, n_context) = (config_features(self.input), context_features(self.input));
+        let mut configs = Vec::with_capacity(samples.len() * path_len * n_config);
+        let mut context = Vec::with_capacity(samples.len() * n_context);
         for sample in samples {
             let found = sample.path.path.configs();
             if found.len() != path_len {
                 return Err(shape_error(format!("[{path_len}, {DOF}]"), format!("[{}, {DOF}]", found.len())));
             }
-            configs.extend(found.iter().flat_map(|config| self.joint_scale.apply(config)));
+            for config in found {
+                configs.extend(self.joint_scale.apply(config));
+                if self.input == RankerInput::Grip {
+                    configs.extend(self.grip_features(config, sample.context));
+                }
+            }
+            if self.input != RankerInput::Joints {
+                context.extend(self.context_features(sample));
+            }
+            if self.input == RankerInput::Grip {
+                context.extend(self.grip_features(sample.path.path.start(), sample.context));
+            }
         }
         let dims = [samples.len(), path_len];
-        let context = match self.input {
-            RankerInput::Joints => None,
-            RankerInput::Context => {
-                let features = samples.iter().flat_map(|sample| self.context_features(sample)).collect();
-                Some(tensor(features, [samples.len(), CONTEXT_FEATURES], device))
-            }
-        };
-        Ok(PathTensors { configs: tensor(configs, [dims[0] * dims[1], DOF], device), context, dims })
+        let context = (n_context > 0).then(|| tensor(context, [samples.len(), n_context], device));
+        Ok(PathTensors { configs: tensor(configs, [dims[0] * dims[1], n_config], device), context, dims })
+    }
+
+    /// The grip of a configuration seen from the goal: the same hinge gives the same numbers wherever it stands.
+    fn grip_features(&self, config: &JointConfig, context: &RankerContext) -> [f32; GRIP_FEATURES] {
+        let mut in_goal = context.goal.pose.inverse() * self.robot.grip(config);
+        in_goal.translation /= GRIP_SCALE;
+        pose_features(&in_goal)
     }
 
     fn context_features(&self, sample: &RankerSample<'_>) -> [f32; CONTEXT_FEATURES] {

@@ -36,7 +36,17 @@ pub struct SimEnvironment {
     plan: Arc<DemoPlan>,
     rejected_placements: u64,
     step: usize,
+    limit: EpisodeLimit,
     drawing: Drawing,
+}
+
+/// When an episode ends that neither succeeds nor fails.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EpisodeLimit {
+    /// It is cut off after [`EPISODE_LENGTH`] macro actions.
+    Steps,
+    /// It fails when the demonstrator's keyframes are used up: with the demonstrator's poses there is nowhere left to go.
+    Keyframes,
 }
 
 /// Meshes of the scene, built once an episode.
@@ -76,8 +86,19 @@ impl SimEnvironment {
             plan: Arc::new(plan),
             rejected_placements: rejected,
             step: 0,
+            limit: EpisodeLimit::Steps,
             drawing,
         })
+    }
+
+    /// Ends episodes otherwise from now on.
+    pub fn set_limit(&mut self, limit: EpisodeLimit) {
+        self.limit = limit;
+    }
+
+    /// Times paths with other settings from now on.
+    pub fn set_timing(&mut self, timing: TimingSettings) {
+        self.timing = timing;
     }
 
     /// The task.
@@ -138,10 +159,12 @@ impl SimEnvironment {
         self.step += 1;
         let outcome = self.run(path, gripper, &mut record);
         let success = outcome.is_ok() && self.world.success();
+        let exhausted = self.limit == EpisodeLimit::Keyframes && self.step >= self.plan.goals.len();
+        let terminated = success || outcome.is_err() || exhausted;
         StepResult {
             reward: f32::from(u8::from(success)),
-            terminated: success || outcome.is_err(),
-            truncated: !success && outcome.is_ok() && self.step >= EPISODE_LENGTH,
+            terminated,
+            truncated: !terminated && self.step >= EPISODE_LENGTH,
             invalid: outcome.err(),
         }
     }
@@ -264,8 +287,8 @@ impl Environment for SimEnvironment {
     }
 
     fn reset(&mut self, seed: u64) -> Result<()> {
-        let timing = self.timing.clone();
-        *self = Self { timing, ..Self::new(self.task, self.robot, seed, &self.cameras, &self.params)? };
+        let (timing, limit) = (self.timing.clone(), self.limit);
+        *self = Self { timing, limit, ..Self::new(self.task, self.robot, seed, &self.cameras, &self.params)? };
         Ok(())
     }
 
@@ -288,6 +311,7 @@ impl Environment for SimEnvironment {
     }
 
     fn demonstrated_goal(&self) -> Option<NextBestPose> {
-        self.plan.goals.get(self.step).copied()
+        // After its last keyframe the demonstrator has nothing new to say: the last motion is tried again.
+        self.plan.goals.get(self.step.min(self.plan.goals.len().saturating_sub(1))).copied()
     }
 }

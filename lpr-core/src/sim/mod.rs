@@ -9,13 +9,15 @@ mod gripper;
 mod params;
 mod physics;
 mod placement;
+#[cfg(feature = "learn")]
+pub mod recording;
 pub mod render;
 mod scene_spec;
 pub mod tasks;
 mod world;
 
 pub use demonstrator::{DemoPlan, Demonstration, demonstrate};
-pub use env::SimEnvironment;
+pub use env::{EpisodeLimit, SimEnvironment};
 pub use params::SimParams;
 pub use placement::{PlacedTask, place};
 pub use scene_spec::{BodyKind, BodySpec, Condition, JointKind, JointSpec, SceneSpec, Zone};

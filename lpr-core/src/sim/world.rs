@@ -9,7 +9,7 @@ use crate::env::InvalidAction;
 use crate::error::{Error, Result};
 use crate::robot::{DOF, Gripper, JointConfig, N_LINKS, Robot};
 use crate::scene::Part;
-use glamx::{Pose3, Vec3};
+use glamx::{Pose3, Quat, Vec3};
 use rapier3d::prelude::RigidBodyHandle;
 use std::sync::Arc;
 
@@ -107,7 +107,7 @@ impl World {
         for (j, joint) in self.robot.joints.iter().enumerate() {
             let speed = (config[j] - self.config[j]).abs() / self.params.dt;
             // 1 %: rounding of a step that runs exactly at the limit.
-            if !(speed <= joint.max_velocity * 1.01) {
+            if speed.is_nan() || speed > joint.max_velocity * 1.01 {
                 return Err(InvalidAction::JointSpeed { joint: j });
             }
         }
@@ -187,6 +187,23 @@ impl World {
         }
     }
 
+    /// How far a joint's child is off its axis now: metres at the anchor and radians, without the free motion.
+    #[must_use]
+    pub fn joint_deviation(&self, joint: usize) -> (f32, f32) {
+        let spec = &self.spec.joints[joint];
+        let moved = self.body_pose(spec.child) * self.spec.bodies[spec.child].pose.inverse();
+        let travel = self.joint_position(joint) - spec.start;
+        let expected = match spec.kind {
+            JointKind::Prismatic => Pose3::from_translation(spec.axis * travel),
+            JointKind::Revolute => {
+                let turn = Pose3::from_rotation(Quat::from_axis_angle(spec.axis, travel));
+                Pose3::from_translation(spec.anchor) * turn * Pose3::from_translation(-spec.anchor)
+            }
+        };
+        let shift = moved.transform_point(spec.anchor).distance(expected.transform_point(spec.anchor));
+        (shift, moved.rotation.angle_between(expected.rotation))
+    }
+
     /// Whether every success condition of the scene holds.
     #[must_use]
     pub fn success(&self) -> bool {
@@ -253,5 +270,126 @@ impl World {
     /// Whether a scene body is one that the hand is attached to when it closes on it.
     pub(super) fn is_graspable(&self, body: usize) -> bool {
         self.spec.bodies[body].kind == BodyKind::Graspable
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::env::Environment as _;
+    use crate::rng::{Stream, stream};
+    use crate::robot::{PANDA, ROBOTS, XARM7};
+    use crate::sim::tasks::{TASKS, Task};
+    use crate::sim::{Demonstration, SimEnvironment, demonstrate};
+
+    fn demonstration(task: &str, robot: &'static Robot, seed: u64) -> (SimEnvironment, Demonstration) {
+        let task = Task::by_name(task).unwrap();
+        let mut env = SimEnvironment::new(task, robot, seed, &["front"], &SimParams::STANDARD).unwrap();
+        let demo = demonstrate(&mut env, &mut stream(seed, Stream::Demo, 0));
+        (env, demo)
+    }
+
+    #[test]
+    fn demonstrations_do_every_task_with_both_robots() {
+        for task in TASKS {
+            for robot in ROBOTS {
+                let done = (0..5).filter(|seed| demonstration(task.name, robot, *seed).1.success).count();
+                assert_eq!(done, 5, "{} with {}", task.name, robot.name);
+            }
+        }
+    }
+
+    #[test]
+    fn articulated_bodies_stay_on_their_joints() {
+        for task in ["open_drawer", "toilet_seat_up"] {
+            for robot in ROBOTS {
+                let (_, demo) = demonstration(task, robot, 3);
+                for frame in &demo.frames {
+                    for joint in 0..frame.spec().joints.len() {
+                        let (shift, turn) = frame.joint_deviation(joint);
+                        assert!(shift < 0.003 && turn < 1_f32.to_radians(), "{task} {}: {shift} m, {turn} rad", robot.name);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn an_attached_lid_does_not_slip() {
+        let (_, demo) = demonstration("take_lid_off_saucepan", &XARM7, 1);
+        let lid = demo.frames[0].spec().bodies.iter().position(|body| body.name == "lid").unwrap();
+        let in_grip = |world: &World| world.robot().grip(world.config()).inverse() * world.body_pose(lid);
+        let held: Vec<_> = demo.frames.iter().filter(|frame| frame.holding() == Holding::Attached { body: lid }).collect();
+        assert!(held.len() > 5, "the lid was held for {} frames", held.len());
+        for frame in &held {
+            let slip = in_grip(frame).translation.distance(in_grip(held[0]).translation);
+            assert!(slip < 0.002, "slipped by {slip} m");
+        }
+    }
+
+    #[test]
+    fn a_clone_continues_bit_for_bit() {
+        let (_, demo) = demonstration("toilet_seat_up", &PANDA, 2);
+        let mut original = demo.frames[demo.waypoint_frames[1]].clone();
+        let mut copy = original.clone();
+        for _ in 0..100 {
+            let config = *original.config();
+            original.step(&config).unwrap();
+            copy.step(&config).unwrap();
+            assert_eq!(original.hash(), copy.hash());
+        }
+    }
+
+    #[test]
+    fn the_same_seed_gives_the_same_world() {
+        let hash = || demonstration("open_drawer", &XARM7, 7).0.world().hash();
+        assert_eq!(hash(), hash());
+    }
+
+    /// A world of the lid task with the arm where its demonstrator grasps.
+    fn at_the_knob() -> World {
+        let (_, demo) = demonstration("take_lid_off_saucepan", &XARM7, 1);
+        demo.frames[demo.waypoint_frames[1] - 1].clone()
+    }
+
+    /// Moves the grip by `way` metres at 0.2 m/s until something ends it.
+    fn push(world: &mut World, way: Vec3) -> Result<(), InvalidAction> {
+        let steps = (way.length() / 0.002) as usize;
+        for _ in 0..steps {
+            let mut grip = world.robot().grip(world.config());
+            grip.translation += way / steps as f32;
+            let config = world.robot().ik_step(&grip, world.config()).unwrap();
+            world.step(&config)?;
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn the_arm_does_not_pass_through_things() {
+        let pushed = push(&mut at_the_knob(), Vec3::new(0.0, 0.0, -0.12));
+        assert!(matches!(pushed, Err(InvalidAction::Collision { .. } | InvalidAction::Force { .. })), "got {pushed:?}");
+    }
+
+    #[test]
+    fn a_jump_of_the_arm_is_refused() {
+        let mut world = at_the_knob();
+        let mut config = *world.config();
+        config[2] += 0.5;
+        assert_eq!(world.step(&config), Err(InvalidAction::JointSpeed { joint: 2 }));
+        config[2] = f32::NAN;
+        assert_eq!(world.step(&config), Err(InvalidAction::JointSpeed { joint: 2 }));
+    }
+
+    #[test]
+    fn a_gripper_that_closes_on_air_holds_nothing() {
+        let (mut env, _) = demonstration("reach_target", &XARM7, 0);
+        env.reset(0).unwrap();
+        let mut world = env.world().clone();
+        world.command_gripper(Gripper::Close);
+        let config = *world.config();
+        for _ in 0..200 {
+            world.step(&config).unwrap();
+        }
+        assert_eq!((world.holding(), world.gripper_width()), (Holding::Nothing, 0.0));
     }
 }

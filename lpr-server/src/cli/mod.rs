@@ -4,6 +4,7 @@
 //! 1: failed, 2: wrong usage. A failure is one line on standard error that names the value at fault.
 
 mod demo;
+mod eval;
 mod fk;
 mod ik;
 mod paths;
@@ -11,6 +12,7 @@ mod presets;
 mod render;
 mod robots;
 mod tasks;
+mod train;
 
 use crate::files::FileError;
 use clap::{Args, Parser, Subcommand};
@@ -60,6 +62,10 @@ enum Command {
     Fk(fk::Arguments),
     /// Inverse kinematics of the flange
     Ik(ik::Arguments),
+    /// Train an agent on a task
+    Train(Box<train::Arguments>),
+    /// Evaluate a trained agent, or a method with the demonstrator's poses
+    Eval(eval::Arguments),
 }
 
 impl Command {
@@ -72,6 +78,8 @@ impl Command {
             Self::Render(arguments) => print(&render::run(arguments)?, format),
             Self::Fk(arguments) => print(&fk::run(arguments)?, format),
             Self::Ik(arguments) => print(&ik::run(arguments)?, format),
+            Self::Train(arguments) => print(&train::run(arguments)?, format),
+            Self::Eval(arguments) => print(&eval::run(arguments)?, format),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The network of the `fast` preset: a small U-Net whose every layer is a matrix product.
 //!
-//! The stem reads 2³ voxels at once, 3³ convolutions run on half and a quarter of the side only, and the last layer emits the
-//! eight values of a cell's voxels (a 3-D pixel shuffle). Cells stand in block order ([`super::blocks`]), so pooling and
+//! The stem reads 2³ voxels at once, 3³ convolutions run on half and a quarter of the side only, and a cell emits the
+//! features of its eight voxels (a 3-D pixel shuffle), which meet each voxel's own channels before its value. Cells stand in block order ([`super::blocks`]), so pooling and
 //! un-pooling are reshapes, and a 3³ convolution is one gather of rows and one product.
 //!
 //! # Differences from the paper
@@ -24,6 +24,9 @@ use burn::tensor::{Device, Int, Tensor, TensorData};
 const BLOCK: usize = 8;
 /// Cells of a 3³ neighbourhood.
 const NEAR: usize = 27;
+
+/// Features of a voxel before its value: from its cell, plus from its own channels.
+const VOXEL_FEATURES: usize = 8;
 
 const KAIMING: Spread = Spread::Kaiming { slope: 0.0 };
 
@@ -54,7 +57,10 @@ pub(super) struct FastNetwork {
     blocks: Dense,
     up: Dense,
     merge: Dense,
+    spread: Dense,
+    own: Dense,
     translation: Dense,
+    translation_of_cell: Dense,
     head: Option<FastHead>,
     #[module(skip)]
     side: usize,
@@ -71,7 +77,10 @@ impl FastNetwork {
             blocks: Dense::new(NEAR * b, b, KAIMING, device, rng),
             up: Dense::new(b, BLOCK * c, KAIMING, device, rng),
             merge: Dense::new(NEAR * c, c, KAIMING, device, rng),
-            translation: Dense::new(c, BLOCK, Spread::Zero, device, rng),
+            spread: Dense::new(c, BLOCK * VOXEL_FEATURES, KAIMING, device, rng),
+            own: Dense::new(VOXEL_CHANNELS, VOXEL_FEATURES, KAIMING, device, rng),
+            translation: Dense::new(VOXEL_FEATURES, 1, Spread::Zero, device, rng),
+            translation_of_cell: Dense::new(c, BLOCK, Spread::Zero, device, rng),
             head: head.map(|head| FastHead::new(sizes, head, device, rng)),
             side,
         }
@@ -87,7 +96,7 @@ impl FastNetwork {
         let n_blocks = n * quarter * quarter * quarter;
         let near_cells = near_rows(half, 2, n, &device);
 
-        let stem = relu(self.stem.forward(voxels.reshape([n_cells, BLOCK * channels])));
+        let stem = relu(self.stem.forward(voxels.clone().reshape([n_cells, BLOCK * channels])));
         let cells = relu(self.cells.forward(gather_near(stem, &near_cells)));
         let [_, c] = cells.dims();
         let down = self.down.forward(cells.clone().reshape([n_blocks, BLOCK * c]));
@@ -98,7 +107,9 @@ impl FastNetwork {
         let up = self.up.forward(blocks.clone()).reshape([n_cells, c]);
         let merged = relu(up + cells);
         let merged = relu(self.merge.forward(gather_near(merged.clone(), &near_cells))) + merged;
-        let values = self.translation.forward(merged.clone()).reshape([n * n_voxels, 1]);
+        let spread = self.spread.forward(merged.clone()).reshape([n * n_voxels, VOXEL_FEATURES]);
+        let values = self.translation.forward(relu(spread + self.own.forward(voxels)));
+        let values = values + self.translation_of_cell.forward(merged.clone()).reshape([n * n_voxels, 1]);
         let translation = values.select(0, per_sample(&block_of_raster(self.side, 4), n, &device)).reshape([n, n_voxels]);
         QValues { translation, pose: self.head.as_ref().map(|head| head.forward(blocks, merged, n)) }
     }
@@ -108,10 +119,14 @@ impl FastNetwork {
         let [half, quarter] = [self.side / 2, self.side / 4];
         let cells = half * half * half;
         let blocks = quarter * quarter * quarter;
-        let per_cell = [&self.stem, &self.cells, &self.merge, &self.translation].map(Module::num_params).iter().sum::<usize>();
+        let per_cell = [&self.stem, &self.cells, &self.merge, &self.spread, &self.translation_of_cell]
+            .map(Module::num_params)
+            .iter()
+            .sum::<usize>();
         let per_block = [&self.down, &self.blocks, &self.up].map(Module::num_params).iter().sum::<usize>();
         let head = self.head.as_ref().map_or(0, |head| head.macs(blocks));
-        cells * per_cell + blocks * per_block + self.proprio.num_params() + head
+        let per_voxel = self.own.num_params() + self.translation.num_params();
+        BLOCK * cells * per_voxel + cells * per_cell + blocks * per_block + self.proprio.num_params() + head
     }
 }
 

@@ -70,16 +70,16 @@ impl PaperNetwork {
         let [n, channels, n_voxels] = input.voxels.dims();
         let side = self.side;
         let voxels = input.voxels.reshape([n, channels, side, side, side]);
-        let voxels = self.input.forward(voxels);
+        let voxels = self.input.forward(&voxels);
         let proprio = leaky_relu(self.proprio.forward(input.proprio), SLOPE);
         let [_, c] = proprio.dims();
         let proprio = proprio.reshape([n, c, 1, 1, 1]).expand([n, c, side, side, side]);
 
-        let d0 = self.down[0].forward(Tensor::cat(vec![voxels, proprio], 1));
-        let d1 = self.down[1].forward(max_pool(d0.clone()));
-        let d2 = self.down[2].forward(max_pool(d1.clone()));
-        let u2 = self.up[0].forward(d2.clone());
-        let u1 = self.up[1].forward(Tensor::cat(vec![u2, d1.clone()], 1));
+        let d0 = self.down[0].forward(&Tensor::cat(vec![voxels, proprio], 1));
+        let d1 = self.down[1].forward(&max_pool(d0.clone()));
+        let d2 = self.down[2].forward(&max_pool(d1.clone()));
+        let u2 = self.up[0].forward(&d2);
+        let u1 = self.up[1].forward(&Tensor::cat(vec![u2, d1.clone()], 1));
         let last = activated(&self.merge, Tensor::cat(vec![u1, d0.clone()], 1));
         let translation = self.translation.forward(last.clone()).reshape([n, n_voxels]);
         QValues { translation, pose: self.head.as_ref().map(|head| head.forward([d0, d1, d2, last])) }
@@ -118,7 +118,7 @@ impl Inception {
         }
     }
 
-    fn forward(&self, x: Tensor<5>) -> Tensor<5> {
+    fn forward(&self, x: &Tensor<5>) -> Tensor<5> {
         let through = |convs: &[Conv3]| convs.iter().fold(x.clone(), |x, conv| activated(conv, x));
         let [point, near, far] = [activated(&self.point, x.clone()), through(&self.near), through(&self.far)];
         Tensor::cat(vec![point, near, far], 1)
@@ -133,8 +133,8 @@ struct UpBlock {
 }
 
 impl UpBlock {
-    fn forward(&self, x: Tensor<5>) -> Tensor<5> {
-        self.second.forward(upsample(self.first.forward(x)))
+    fn forward(&self, x: &Tensor<5>) -> Tensor<5> {
+        self.second.forward(&upsample(self.first.forward(x)))
     }
 }
 
@@ -294,12 +294,12 @@ mod tests {
         assert_close("translation", &some, &golden.translation, 1e-5);
         assert_close("pose", &values(pose), &golden.pose, 1e-4);
         assert_close("loss", &values(loss.clone()), &[golden.loss], 1e-5);
-        let slopes = slopes(&leaves, loss);
+        let slopes = slopes(&leaves, &loss);
         assert_close("slopes", &slopes, &golden.slopes, 1e-3);
     }
 
     /// The gradient of each parameter along a wave.
-    fn slopes(leaves: &PaperNetwork, loss: Tensor<1>) -> Vec<f32> {
+    fn slopes(leaves: &PaperNetwork, loss: &Tensor<1>) -> Vec<f32> {
         struct Slopes(burn::tensor::Gradients, Vec<f32>);
         impl burn::module::ModuleVisitor for Slopes {
             fn visit_float<const D: usize>(&mut self, param: &burn::module::Param<Tensor<D>>) {

@@ -1,0 +1,80 @@
+//! What an agent chooses among, and how.
+
+use crate::error::{Error, Result};
+
+use serde::{Deserialize, Serialize};
+
+/// A method of choosing paths to next-best poses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// Planner, Bézier and policy paths, ranked by learned values: the paper's.
+    Lpr,
+    /// The same without the path policy: the paper's ablation.
+    LprNoPolicy,
+    /// The baseline: the straight line of the grip, else the shortest joint-space motion without collision checking.
+    #[serde(rename = "c2farm")]
+    C2fArm,
+    /// The straight line of the grip alone.
+    Linear,
+    /// The shortest candidate that does not collide.
+    ShortestFree,
+    /// Any of the candidates.
+    Random,
+}
+
+impl Method {
+    /// All of them; the first is the default.
+    pub const ALL: [Self; 6] = [Self::Lpr, Self::LprNoPolicy, Self::C2fArm, Self::Linear, Self::ShortestFree, Self::Random];
+
+    /// Name on the command line.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Lpr => "lpr",
+            Self::LprNoPolicy => "lpr-no-policy",
+            Self::C2fArm => "c2farm",
+            Self::Linear => "linear",
+            Self::ShortestFree => "shortest-free",
+            Self::Random => "random",
+        }
+    }
+
+    /// The method of that name.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Config`] naming those that exist.
+    pub fn by_name(name: &str) -> Result<Self> {
+        Self::ALL.into_iter().find(|method| method.name() == name).ok_or_else(|| {
+            let known = Self::ALL.map(Self::name).join(", ");
+            Error::Config(format!("unknown method `{name}`, known: {known}"))
+        })
+    }
+
+    /// Whether it ranks paths by learned values.
+    #[must_use]
+    pub const fn has_ranker(self) -> bool {
+        matches!(self, Self::Lpr | Self::LprNoPolicy)
+    }
+
+    /// Whether a learned policy proposes a path.
+    #[must_use]
+    pub const fn has_policy(self) -> bool {
+        matches!(self, Self::Lpr)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_those_of_files_and_of_the_command_line() {
+        for method in Method::ALL {
+            assert_eq!(Method::by_name(method.name()), Ok(method));
+            assert_eq!(serde_json::to_value(method).expect("a word"), method.name());
+        }
+        assert!(Method::by_name("LPR").expect_err("case matters").to_string().contains("lpr-no-policy"));
+    }
+}

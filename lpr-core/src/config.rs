@@ -1,0 +1,194 @@
+//! Every number of a run in one value: the settings of all modules, and whole-file presets that list each of them.
+//!
+//! No number may be negative or not finite, whatever its module; which module refuses what else stands with its settings.
+
+use crate::demo::DemoSettings;
+use crate::error::{Error, Result};
+use crate::path::{CandidateSettings, TimingSettings};
+use crate::policy::PolicySettings;
+use crate::q_attention::QAttentionSettings;
+use crate::ranker::RankerSettings;
+use crate::replay::ReplaySettings;
+#[cfg(feature = "sim")]
+use crate::sim::SimParams;
+use crate::train::TrainSettings;
+
+use serde::{Deserialize, Serialize};
+
+/// The built-in presets by name; the first is the default.
+const PRESETS: [(&str, &str); 3] = [
+    ("fast", include_str!("../presets/fast.toml")),
+    ("paper", include_str!("../presets/paper.toml")),
+    ("paper-narrow", include_str!("../presets/paper-narrow.toml")),
+];
+
+/// Every setting of an agent, its training and its world.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// The candidate paths.
+    pub candidates: CandidateSettings,
+    /// The ranking function.
+    pub ranker: RankerSettings,
+    /// The path policy.
+    pub policy: PolicySettings,
+    /// Next-best poses.
+    pub q_attention: QAttentionSettings,
+    /// The replay buffers.
+    pub replay: ReplaySettings,
+    /// What demonstrations yield.
+    pub demos: DemoSettings,
+    /// Algorithm 1.
+    pub training: TrainSettings,
+    /// Speed of the arm.
+    pub timing: TimingSettings,
+    /// The simulated world.
+    #[cfg(feature = "sim")]
+    pub simulator: SimParams,
+    /// The simulated world, unread in a build without it.
+    #[cfg(not(feature = "sim"))]
+    pub simulator: toml::Table,
+}
+
+impl Config {
+    /// The built-in preset of that name.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Config`] naming those that exist.
+    pub fn preset(name: &str) -> Result<Self> {
+        let Some((_, text)) = PRESETS.iter().find(|(known, _)| *known == name) else {
+            let known: Vec<_> = Self::preset_names().collect();
+            return Err(Error::Config(format!("unknown preset `{name}`, known: {}", known.join(", "))));
+        };
+        Self::from_toml(text)
+    }
+
+    /// Names of the built-in presets; the first is the default.
+    pub fn preset_names() -> impl Iterator<Item = &'static str> {
+        PRESETS.iter().map(|(name, _)| *name)
+    }
+
+    /// The configuration that a file holds; it has to list every setting.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Config`] naming the setting that is misspelt, missing, of the wrong type or out of its range.
+    pub fn from_toml(text: &str) -> Result<Self> {
+        let table: toml::Table = text.parse().map_err(|error: toml::de::Error| Error::Config(error.to_string()))?;
+        check_numbers(&toml::Value::Table(table), "")?;
+        let config: Self = toml::from_str(text).map_err(|error| Error::Config(error.to_string()))?;
+        config.check()?;
+        Ok(config)
+    }
+
+    /// The file that [`Self::from_toml`] reads.
+    ///
+    /// # Panics
+    ///
+    /// Never: every setting has a representation.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        toml::to_string(self).expect("settings are tables, lists, numbers and words")
+    }
+
+    /// Checks what no type checks. Ranker, policy and replay check their settings when they are built.
+    fn check(&self) -> Result<()> {
+        self.candidates.check().map_err(|error| within("candidates", &error))?;
+        self.q_attention.validate()?;
+        self.training.check()
+    }
+}
+
+/// `error` with the table that its setting is in.
+fn within(table: &str, error: &Error) -> Error {
+    match error {
+        Error::Config(rule) => Error::Config(format!("{table}.{rule}")),
+        other => other.clone(),
+    }
+}
+
+/// Refuses numbers that no setting may have, naming the first by its `path`.
+fn check_numbers(value: &toml::Value, path: &str) -> Result<()> {
+    let refuse =
+        |found: &dyn core::fmt::Display| Err(Error::Config(format!("{path}: expected a finite number from 0, found {found}")));
+    match value {
+        toml::Value::Integer(number) if *number < 0 => refuse(number),
+        toml::Value::Float(number) if !(number.is_finite() && *number >= 0.0) => refuse(number),
+        toml::Value::Array(values) => {
+            values.iter().enumerate().try_for_each(|(idx, value)| check_numbers(value, &format!("{path}[{idx}]")))
+        }
+        toml::Value::Table(table) => table.iter().try_for_each(|(key, value)| {
+            let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
+            check_numbers(value, &path)
+        }),
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::agent::Exploration;
+    use crate::train::Timeout;
+
+    fn fast() -> &'static str {
+        PRESETS[0].1
+    }
+
+    /// What is said about the preset `fast` with `from` replaced by `to`.
+    fn refusal(from: &str, to: &str) -> String {
+        assert!(fast().contains(from), "the preset has no {from}");
+        Config::from_toml(&fast().replacen(from, to, 1)).expect_err(to).to_string()
+    }
+
+    #[test]
+    fn presets_parse_build_and_round_trip() {
+        for name in Config::preset_names() {
+            let config = Config::preset(name).unwrap_or_else(|error| panic!("{name}: {error}"));
+            #[cfg(feature = "sim")]
+            assert_eq!(config.simulator, SimParams::STANDARD, "{name}: the simulator is the same in every preset");
+            assert_eq!(Config::from_toml(&config.to_toml()), Ok(config), "{name}");
+        }
+    }
+
+    #[test]
+    fn presets_differ_and_list_the_numbers_of_the_paper() {
+        let [fast, paper, narrow] = ["fast", "paper", "paper-narrow"].map(|name| Config::preset(name).expect("a preset"));
+        assert_ne!(fast, paper);
+        assert_eq!((paper.candidates.planner_paths, paper.candidates.bezier_paths), (20, 20));
+        assert!((paper.candidates.bezier.sigma * paper.candidates.bezier.sigma - 0.2).abs() < 1e-3, "the paper's variance");
+        assert_eq!(paper.ranker.config_widths, [64, 128, 1024]);
+        assert_eq!(paper.ranker.head_widths, [512, 512]);
+        assert_eq!(paper.policy.widths, [64, 256, 256]);
+        assert_eq!(paper.training.exploration, Exploration::Greedy);
+        assert_eq!(paper.training.timeout, Timeout::Terminal);
+        // Narrow networks are the only difference.
+        let widened = Config { q_attention: paper.q_attention.clone(), training: paper.training.clone(), ..narrow.clone() };
+        assert_eq!(widened, paper);
+        assert_ne!(narrow.q_attention.network, paper.q_attention.network);
+    }
+
+    #[test]
+    fn a_misspelt_or_missing_setting_is_named() {
+        assert!(refusal("bezier_paths", "bezeir_paths").contains("bezeir_paths"));
+        assert!(refusal("voxels_per_side = 16\n", "").contains("voxels_per_side"));
+        assert!(refusal("[policy]", "[polcy]").contains("polcy"));
+        assert!(refusal("kind = \"epsilon\"", "kind = \"greedily\"").contains("greedily"));
+        assert!(Config::preset("quick").expect_err("unknown").to_string().contains("fast, paper"));
+    }
+
+    #[test]
+    fn numbers_out_of_their_range_are_named() {
+        for number in ["-0.1", "nan", "inf", "-inf"] {
+            let message = refusal("sigma = 0.1", &format!("sigma = {number}"));
+            assert!(message.contains("candidates.bezier.sigma"), "{message}");
+        }
+        assert!(refusal("planner_paths = 20", "planner_paths = -20").contains("candidates.planner_paths"));
+        assert!(refusal("planner_paths = 20", "planner_paths = 2.5").contains("planner_paths"));
+        assert!(refusal("path_len = 30", "path_len = 1").contains("candidates.path_len"));
+        assert!(refusal("path_batch = 64", "path_batch = 0").contains("training.path_batch"));
+        assert!(refusal("first = ", "first = 4").contains("training.exploration"));
+        assert!(refusal("cloud_spacing = 0.01", "cloud_spacing = 0").contains("cloud_spacing"));
+    }
+}

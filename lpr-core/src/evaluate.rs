@@ -1,0 +1,178 @@
+//! Greedy evaluation over fixed scenes: how often the task is done, with what paths, and why not.
+
+mod best_of_all;
+
+pub use best_of_all::{Regret, best_of_all, measure_regret};
+
+use crate::agent::{Action, Agent, Draws};
+use crate::env::{EPISODE_LENGTH, Environment, StepResult};
+use crate::error::Result;
+use crate::path::{CandidateStreams, Source};
+use crate::train::{demonstrated_goal, execute, failure};
+
+use core::ops::Range;
+use std::collections::BTreeMap;
+
+/// The factor of the standard error that makes a 95 % interval.
+const Z_95: f64 = 1.959_964;
+
+/// What an evaluation found.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Evaluation {
+    /// Episodes run.
+    pub episodes: u64,
+    /// Episodes in which the task was done.
+    pub successes: u64,
+    /// Paths that ran, by their generator.
+    pub chosen: BTreeMap<Source, u64>,
+    /// Episodes that failed, by reason: names of invalid actions, `timeout` and `not_done`.
+    pub failures: BTreeMap<&'static str, u64>,
+    /// Environment steps in which the policy's path was among the candidates.
+    pub policy_valid: u64,
+    /// Environment steps.
+    pub steps: u64,
+}
+
+/// An episode of an evaluation.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct EvaluatedEpisode {
+    /// Seed of its scene.
+    pub scene_seed: u64,
+    /// Environment steps.
+    pub steps: u64,
+    /// Why the task was not done; none when it was.
+    pub failure: Option<&'static str>,
+}
+
+impl Evaluation {
+    /// Share of episodes in which the task was done, 0 to 1.
+    #[must_use]
+    pub fn success_rate(&self) -> f64 {
+        if self.episodes == 0 { 0.0 } else { self.successes as f64 / self.episodes as f64 }
+    }
+
+    /// The 95 % confidence interval of the success rate: see [`wilson_interval`].
+    #[must_use]
+    pub fn wilson95(&self) -> [f64; 2] {
+        wilson_interval(self.successes, self.episodes, Z_95)
+    }
+
+    fn add(&mut self, episode: &EvaluatedEpisode) {
+        self.episodes += 1;
+        self.steps += episode.steps;
+        match episode.failure {
+            None => self.successes += 1,
+            Some(reason) => *self.failures.entry(reason).or_default() += 1,
+        }
+    }
+
+    fn add_action(&mut self, action: &Action) {
+        self.policy_valid += action.n_from(Source::Policy) as u64;
+        if let Some(candidate) = action.path() {
+            *self.chosen.entry(candidate.source).or_default() += 1;
+        }
+    }
+}
+
+/// The score interval of a binomial proportion at `z` standard errors (Wilson 1927); 0 to 1 without trials.
+#[must_use]
+pub fn wilson_interval(successes: u64, trials: u64, z: f64) -> [f64; 2] {
+    if trials == 0 {
+        return [0.0, 1.0];
+    }
+    let n = trials as f64;
+    let p = successes as f64 / n;
+    let center = p + z * z / (2.0 * n);
+    let spread = z * libm::sqrt(p * (1.0 - p) / n + z * z / (4.0 * n * n));
+    let scale = 1.0 + z * z / n;
+    [((center - spread) / scale).max(0.0), ((center + spread) / scale).min(1.0)]
+}
+
+/// Runs the agent greedily in the scenes of `seeds`; `on_episode` hears of each episode.
+///
+/// What a scene gives depends on its seed and the agent alone, not on the other scenes.
+///
+/// # Errors
+///
+/// When a scene cannot be built, or a network's answer is not a number.
+pub fn evaluate(
+    agent: &Agent,
+    environment: &mut impl Environment,
+    seeds: Range<u64>,
+    mut on_episode: impl FnMut(&EvaluatedEpisode),
+) -> Result<Evaluation> {
+    let mut evaluation = Evaluation::default();
+    for seed in seeds {
+        let mut run = |environment: &mut _, action: &Action| {
+            evaluation.add_action(action);
+            execute(environment, agent.poses(), action)
+        };
+        let episode = run_episode(agent, environment, seed, &mut run)?;
+        evaluation.add(&episode);
+        on_episode(&episode);
+    }
+    Ok(evaluation)
+}
+
+/// One greedy episode in which `run` executes every action.
+fn run_episode<E: Environment>(
+    agent: &Agent,
+    environment: &mut E,
+    seed: u64,
+    run: &mut impl FnMut(&mut E, &Action) -> StepResult,
+) -> Result<EvaluatedEpisode> {
+    environment.reset(seed)?;
+    let mut steps = 0;
+    loop {
+        let action = decide(agent, environment, CandidateStreams { seed, step: steps })?;
+        let result = run(environment, &action);
+        steps += 1;
+        if result.terminated || result.truncated || steps >= EPISODE_LENGTH as u64 {
+            let failure = (result.reward <= 0.0).then(|| failure(&result));
+            return Ok(EvaluatedEpisode { scene_seed: seed, steps, failure });
+        }
+    }
+}
+
+/// What the agent does now, without exploration.
+fn decide(agent: &Agent, environment: &mut impl Environment, streams: CandidateStreams) -> Result<Action> {
+    let observation = environment.observe();
+    let seen = agent.attended(&observation);
+    let learned = seen.as_ref().and_then(|seen| agent.goal(seen));
+    let goal = learned.map_or_else(|| demonstrated_goal(environment), Ok)?;
+    agent.act(&observation, goal, Draws::greedy(streams))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::{prop_assert, proptest};
+
+    #[test]
+    fn the_interval_is_that_of_published_tables() {
+        // Newcombe (1998), "Two-sided confidence intervals for the single proportion", table I, method 3.
+        let cases =
+            [((81, 263), [0.2553, 0.3662]), ((15, 148), [0.0624, 0.1605]), ((0, 20), [0.0, 0.1611]), ((1, 29), [0.0061, 0.1718])];
+        for ((successes, trials), expected) in cases {
+            let found = wilson_interval(successes, trials, Z_95);
+            let error = |side: usize| (found[side] - expected[side]).abs();
+            assert!(error(0) < 6e-5 && error(1) < 6e-5, "{successes} of {trials}: {found:?}");
+        }
+        assert_eq!(wilson_interval(0, 0, Z_95), [0.0, 1.0]);
+    }
+
+    proptest! {
+        #[test]
+        fn the_interval_holds_the_share_and_narrows_with_trials(successes in 0_u64..200, failures in 0_u64..200) {
+            let trials = successes + failures;
+            let [low, high] = wilson_interval(successes, trials, Z_95);
+            prop_assert!((0.0..=1.0).contains(&low) && (0.0..=1.0).contains(&high));
+            if trials > 0 {
+                let share = successes as f64 / trials as f64;
+                prop_assert!(low <= share + 1e-12 && share <= high + 1e-12);
+                let [more_low, more_high] = wilson_interval(4 * successes, 4 * trials, Z_95);
+                prop_assert!(more_high - more_low < high - low);
+            }
+        }
+    }
+}

@@ -1,0 +1,108 @@
+//! What the candidates could have given: every one is executed from a snapshot of the world.
+
+use super::{EvaluatedEpisode, Evaluation, run_episode};
+use crate::agent::{Action, Agent};
+use crate::env::{Environment, StepResult};
+use crate::error::Result;
+use crate::train::execute;
+
+use core::ops::Range;
+
+/// How far the chosen paths stayed behind the best of all candidates.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Regret {
+    /// Environment steps in which some candidate would have finished the task.
+    pub decisive_steps: u64,
+    /// Those of them in which the chosen path did not.
+    pub missed: u64,
+}
+
+impl Regret {
+    /// Mean over the decisive steps of the best reward minus that of the chosen path; none without such a step.
+    #[must_use]
+    pub fn mean(&self) -> Option<f64> {
+        (self.decisive_steps > 0).then(|| self.missed as f64 / self.decisive_steps as f64)
+    }
+
+    fn add(&mut self, best: f32, chosen: f32) {
+        if best > 0.0 || chosen > 0.0 {
+            self.decisive_steps += 1;
+            self.missed += u64::from(chosen < best);
+        }
+    }
+}
+
+/// [`evaluate`](super::evaluate) for an oracle that executes every candidate of `agent` from a snapshot and goes on with the best.
+///
+/// The best is one that finishes the task; else, among those that end without an invalid action, the one whose grip ends nearest
+/// to the pose. The oracle looks one step ahead: a path that grasps badly counts like one that grasps well.
+///
+/// # Errors
+///
+/// As [`evaluate`](super::evaluate).
+pub fn best_of_all<E: Environment + Clone>(
+    agent: &Agent,
+    environment: &mut E,
+    seeds: Range<u64>,
+    mut on_episode: impl FnMut(&EvaluatedEpisode),
+) -> Result<Evaluation> {
+    let mut evaluation = Evaluation::default();
+    for seed in seeds {
+        let mut run = |environment: &mut E, action: &Action| {
+            let action = Action { chosen: best_candidate(environment, action), ..action.clone() };
+            evaluation.add_action(&action);
+            execute(environment, agent.poses(), &action)
+        };
+        let episode = run_episode(agent, environment, seed, &mut run)?;
+        evaluation.add(&episode);
+        on_episode(&episode);
+    }
+    Ok(evaluation)
+}
+
+/// The regret of the agent's choices in the greedy episodes of `seeds`.
+///
+/// # Errors
+///
+/// As [`evaluate`](super::evaluate).
+pub fn measure_regret<E: Environment + Clone>(agent: &Agent, environment: &mut E, seeds: Range<u64>) -> Result<Regret> {
+    let mut regret = Regret::default();
+    for seed in seeds {
+        let mut run = |environment: &mut E, action: &Action| {
+            let best = outcomes(environment, action).map(|(_, result)| result.reward).fold(0.0, f32::max);
+            let result = execute(environment, agent.poses(), action);
+            regret.add(best, result.reward);
+            result
+        };
+        run_episode(agent, environment, seed, &mut run)?;
+    }
+    Ok(regret)
+}
+
+/// Every candidate's world after it, and what came of it.
+fn outcomes<E: Environment + Clone>(snapshot: &E, action: &Action) -> impl Iterator<Item = (E, StepResult)> {
+    action.set.candidates.iter().map(|candidate| {
+        let mut world = snapshot.clone();
+        let result = world.step(&candidate.path, action.goal.gripper);
+        (world, result)
+    })
+}
+
+/// Index of the candidate that the oracle takes.
+fn best_candidate<E: Environment + Clone>(snapshot: &E, action: &Action) -> Option<usize> {
+    let mut best: Option<(usize, f32)> = None;
+    for (idx, (mut world, result)) in outcomes(snapshot, action).enumerate() {
+        if result.reward > 0.0 {
+            return Some(idx);
+        }
+        let distance = if result.invalid.is_some() {
+            f32::INFINITY
+        } else {
+            world.observe().proprio.grip.translation.distance(action.goal.pose.translation)
+        };
+        if best.is_none_or(|(_, least)| distance < least) {
+            best = Some((idx, distance));
+        }
+    }
+    best.map(|(idx, _)| idx)
+}

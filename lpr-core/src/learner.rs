@@ -1,0 +1,189 @@
+//! What learns: the replay buffers, and one gradient step of each network on what they hold (Algorithm 1, lines 17–20).
+//!
+//! There is one buffer per question, and all share the steps that they hold: the ranker draws by its temporal differences, the
+//! policy draws uniformly among the steps of successful episodes, Q-attention draws by its own priorities.
+//!
+//! # Differences from the paper
+//!
+//! - The released code draws one batch for all networks and multiplies the policy's loss by the success of the episode. Where
+//!   few episodes succeed, that leaves the policy next to nothing of a batch.
+
+use crate::agent::Networks;
+use crate::error::Result;
+use crate::q_attention::{QAttention, QObservation, QSample};
+use crate::replay::{Draw, Replay, ReplaySettings, Step, Transition};
+use crate::rng::{Rng, Stream, stream};
+
+use serde::{Deserialize, Serialize};
+
+/// What the replay keeps of an observation: what Q-attention reads, or nothing with the demonstrator's poses.
+pub type Seen = Option<QObservation>;
+
+/// A step of experience.
+pub type Row = Transition<Seen>;
+
+/// Numbers of the generators of one update: one for each network.
+const GENERATORS: u64 = 3;
+
+/// Updates so far.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct UpdateCounts {
+    /// Updates of ranker and policy.
+    pub paths: u64,
+    /// Updates of Q-attention.
+    pub q_attention: u64,
+}
+
+/// The replay buffers (`D` in the paper) and what draws from them.
+#[derive(Debug)]
+pub struct Learner {
+    seed: u64,
+    /// Rows that the ranker learns from.
+    pub(crate) paths: Replay<Row>,
+    /// Rows of successful episodes, which the policy learns from.
+    pub(crate) successes: Replay<Row>,
+    /// Rows that Q-attention learns from.
+    pub(crate) scenes: Replay<Row>,
+    pub(crate) updates: UpdateCounts,
+}
+
+/// What one update of ranker and policy found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PathUpdate {
+    /// The ranker's loss and the mean absolute temporal difference.
+    pub ranker: Option<(f32, f32)>,
+    /// The policy's loss, square radians; none before the first success.
+    pub policy: Option<f32>,
+}
+
+/// What one update of Q-attention found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct AttentionUpdate {
+    /// Loss, summed over depths.
+    pub loss: f32,
+    /// Mean of the targets.
+    pub mean_target: f32,
+}
+
+impl Learner {
+    /// Empty buffers.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Config`](crate::Error::Config) when the settings cannot work.
+    pub fn new(settings: &ReplaySettings, seed: u64) -> Result<Self> {
+        let uniform = ReplaySettings { priority_exponent: 0.0, ..settings.clone() };
+        Ok(Self {
+            seed,
+            paths: Replay::new(settings)?,
+            successes: Replay::new(&uniform)?,
+            scenes: Replay::new(settings)?,
+            updates: UpdateCounts::default(),
+        })
+    }
+
+    /// Keeps a step in which a path was taken.
+    pub fn push_path(&mut self, row: &Row) {
+        self.paths.push(row.clone());
+        if row.episode_success {
+            self.successes.push(row.clone());
+        }
+    }
+
+    /// Keeps a step in which Q-attention chose a pose, unless `attention` cannot learn from it.
+    pub fn push_scene(&mut self, row: &Row, attention: &QAttention) {
+        if Self::is_scene(row, attention) {
+            self.scenes.push(row.clone());
+        }
+    }
+
+    /// Whether Q-attention can learn from a row: it was seen, and the pose lies within the bounds of the first depth.
+    pub(crate) fn is_scene(row: &Row, attention: &QAttention) -> bool {
+        let is_seen = |step: &Step<Seen>| step.observation.is_some();
+        let goal = &row.step.decision.context.goal;
+        is_seen(&row.step) && row.next.as_deref().is_none_or(is_seen) && attention.codec().encode(goal).is_some()
+    }
+
+    /// Transitions added so far.
+    #[must_use]
+    pub const fn n_transitions(&self) -> u64 {
+        let (paths, scenes) = (self.paths.added(), self.scenes.added());
+        if paths > scenes { paths } else { scenes }
+    }
+
+    /// Updates so far.
+    #[must_use]
+    pub const fn updates(&self) -> UpdateCounts {
+        self.updates
+    }
+
+    /// Line 17: one gradient step of Q-attention; none before there is something to learn from.
+    ///
+    /// # Errors
+    ///
+    /// When the network's answers are not numbers any more.
+    pub fn update_q_attention(&mut self, attention: &mut QAttention, batch_size: usize) -> Result<Option<AttentionUpdate>> {
+        let update = self.updates.q_attention;
+        let draws = self.scenes.sample(batch_size, &mut self.generator(update, 2));
+        if draws.is_empty() {
+            return Ok(None);
+        }
+        let batch: Vec<_> = rows(&self.scenes, &draws).filter_map(|(row, weight)| attention_sample(row, weight)).collect();
+        let report = attention.update(&batch, &mut stream(self.seed, Stream::Augment, update));
+        self.scenes.update_priorities(&draws, &report.priorities)?;
+        self.updates.q_attention += 1;
+        Ok(Some(AttentionUpdate { loss: report.losses.iter().sum(), mean_target: report.mean_target }))
+    }
+
+    /// Lines 18–20: one gradient step of the policy and one of the ranker.
+    ///
+    /// # Errors
+    ///
+    /// When a network's answers are not numbers any more.
+    pub fn update_paths(&mut self, networks: &mut Networks, batch_size: usize) -> Result<PathUpdate> {
+        if networks.ranker.is_none() && networks.policy.is_none() {
+            return Ok(PathUpdate { ranker: None, policy: None });
+        }
+        let update = self.updates.paths;
+        self.updates.paths += 1;
+        let policy_draws = self.successes.sample(batch_size, &mut self.generator(update, 1));
+        let policy = self.update_policy(networks, &policy_draws)?;
+        let draws = self.paths.sample(batch_size, &mut self.generator(update, 0));
+        let Some(ranker) = networks.ranker.as_mut().filter(|_| !draws.is_empty()) else {
+            return Ok(PathUpdate { ranker: None, policy });
+        };
+        let batch: Vec<_> = rows(&self.paths, &draws).map(|(row, weight)| row.for_ranker(weight)).collect();
+        let report = ranker.update(&batch)?;
+        let errors: Vec<f32> = report.td_errors.iter().map(|error| error.abs()).collect();
+        self.paths.update_priorities(&draws, &errors)?;
+        let mean_error = errors.iter().sum::<f32>() / errors.len() as f32;
+        Ok(PathUpdate { ranker: Some((report.loss, mean_error)), policy })
+    }
+
+    fn update_policy(&self, networks: &mut Networks, draws: &[Draw]) -> Result<Option<f32>> {
+        let Some(policy) = networks.policy.as_mut().filter(|_| !draws.is_empty()) else { return Ok(None) };
+        let batch: Vec<_> = rows(&self.successes, draws).filter_map(|(row, weight)| row.for_policy(weight)).collect();
+        policy.update(&batch).map(Some)
+    }
+
+    fn generator(&self, update: u64, network: u64) -> Rng {
+        stream(self.seed, Stream::Replay, update * GENERATORS + network)
+    }
+}
+
+/// The drawn rows with their weights.
+fn rows<'a>(replay: &'a Replay<Row>, draws: &'a [Draw]) -> impl Iterator<Item = (&'a Row, f32)> {
+    draws.iter().map(|&draw| (replay.get(draw).expect("drawn from this buffer since its last row"), draw.weight))
+}
+
+/// Q-attention's view of a row.
+fn attention_sample(row: &Row, weight: f32) -> Option<QSample<'_>> {
+    Some(QSample {
+        observation: row.step.observation.as_ref()?,
+        action: row.step.decision.context.goal,
+        reward: row.reward,
+        next: row.next.as_ref().and_then(|step| step.observation.as_ref()),
+        weight,
+    })
+}

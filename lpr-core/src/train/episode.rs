@@ -1,0 +1,190 @@
+//! From the steps of an episode to rows of the replay.
+
+use super::log::{ChosenValue, EpisodeLog, failure};
+use crate::agent::{Action, Agent, context};
+use crate::env::StepResult;
+use crate::error::{Error, Result};
+use crate::learner::{Learner, Row, Seen};
+use crate::path::JointPath;
+use crate::perception::Observation;
+use crate::q_attention::NextBestPose;
+use crate::ranker::RankedPath;
+use crate::replay::{Decision, Step, Transition};
+
+use std::sync::Arc;
+
+/// A demonstration from one of its frames on, as a chain of keyframes; demo augmentation makes several of one recording.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DemoEpisode {
+    /// The keyframes that are reached one after the other; the last ends in success.
+    pub steps: Vec<DemoStep>,
+}
+
+/// The way to one keyframe of a demonstration.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DemoStep {
+    /// What was seen at the start of the way, with the time feature of the step within the chain.
+    pub observation: Observation,
+    /// The keyframe: as the action codec can express it, if poses are learned.
+    pub goal: NextBestPose,
+    /// The recorded configurations up to the keyframe, in any number.
+    pub path: JointPath,
+}
+
+/// An episode that is under way.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Episode {
+    /// Seed of its scene.
+    pub(crate) scene_seed: u64,
+    pub(crate) steps: Vec<Taken>,
+    /// What the agent would do after the last step of an episode that was cut off.
+    pub(crate) next: Option<Choice>,
+}
+
+/// A step of an episode and what came of it.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Taken {
+    pub(crate) choice: Choice,
+    /// The ranker's value of the path.
+    pub(crate) value: Option<f32>,
+    pub(crate) reward: f32,
+}
+
+/// What the agent came to.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) enum Choice {
+    /// A path.
+    Path(Arc<Step<Seen>>),
+    /// A pose that no path reaches: the step holds a path that stays where it is.
+    Nowhere(Arc<Step<Seen>>),
+}
+
+impl Choice {
+    fn new(action: &Action, observation: &Observation, seen: Seen) -> Self {
+        let step = |decision| Arc::new(Step { observation: seen, decision });
+        if let Some(decision) = action.decision() {
+            return Self::Path(step(decision));
+        }
+        let start = observation.proprio.joints;
+        let path = JointPath::new(vec![start; 2]).expect("measured angles are finite");
+        let taken = RankedPath { path, collides: false };
+        Self::Nowhere(step(Decision { context: action.context, taken, source: None }))
+    }
+
+    pub(crate) const fn step(&self) -> &Arc<Step<Seen>> {
+        match self {
+            Self::Path(step) | Self::Nowhere(step) => step,
+        }
+    }
+
+    fn path_step(&self) -> Option<&Arc<Step<Seen>>> {
+        match self {
+            Self::Path(step) => Some(step),
+            Self::Nowhere(_) => None,
+        }
+    }
+}
+
+impl Episode {
+    pub(crate) const fn new(scene_seed: u64) -> Self {
+        Self { scene_seed, steps: Vec::new(), next: None }
+    }
+
+    /// The paths that ran, with the poses they led to.
+    pub(crate) fn actions(&self) -> impl Iterator<Item = (&JointPath, NextBestPose)> {
+        self.steps.iter().map(|taken| {
+            let decision = &taken.choice.step().decision;
+            (&decision.taken.path, decision.context.goal)
+        })
+    }
+
+    /// Adds a step and what came of it.
+    pub(super) fn push(&mut self, action: &Action, observation: &Observation, seen: Seen, result: &StepResult) {
+        let (choice, value) = (Choice::new(action, observation, seen), action.chosen_value());
+        self.steps.push(Taken { choice, value, reward: result.reward });
+    }
+
+    /// Sets what would follow the last step.
+    pub(super) fn push_next(&mut self, action: &Action, observation: &Observation, seen: Seen) {
+        self.next = Some(Choice::new(action, observation, seen));
+    }
+
+    fn succeeded(&self) -> bool {
+        self.steps.last().is_some_and(|step| step.reward > 0.0)
+    }
+
+    /// All steps into the buffers (line 14).
+    pub(super) fn store(&self, agent: &Agent, learner: &mut Learner) {
+        let episode_success = self.succeeded();
+        for (idx, taken) in self.steps.iter().enumerate() {
+            let is_last = idx + 1 == self.steps.len();
+            let next = if is_last { self.next.as_ref() } else { Some(&self.steps[idx + 1].choice) };
+            let row = |next: Option<&Arc<Step<Seen>>>| Transition {
+                step: Arc::clone(taken.choice.step()),
+                next: next.cloned(),
+                reward: taken.reward,
+                truncated: is_last && self.next.is_some(),
+                episode_success,
+                is_demo: false,
+            };
+            if taken.choice.path_step().is_some() {
+                learner.push_path(&row(next.and_then(Choice::path_step)));
+            }
+            if let Some(attention) = &agent.networks.q_attention {
+                learner.push_scene(&row(next.map(Choice::step)), attention);
+            }
+        }
+    }
+
+    /// What is reported of it, with `discount` (γ) for what came of each step.
+    pub(super) fn log(&self, episode: u64, last: &StepResult, discount: f32) -> EpisodeLog {
+        let mut realised = 0.0;
+        let mut values: Vec<_> = self
+            .steps
+            .iter()
+            .rev()
+            .map(|taken| {
+                realised = taken.reward + discount * realised;
+                taken.value.map(|expected| ChosenValue { expected, realised })
+            })
+            .collect();
+        values.reverse();
+        let success = self.succeeded();
+        EpisodeLog {
+            episode,
+            scene_seed: self.scene_seed,
+            steps: self.steps.len(),
+            success,
+            failure: (!success).then(|| failure(last)),
+            values: values.into_iter().flatten().collect(),
+        }
+    }
+}
+
+/// The steps of a demonstration into the buffers (line 3).
+pub(super) fn add_demonstration(demo: &DemoEpisode, agent: &Agent, learner: &mut Learner) -> Result<()> {
+    if demo.steps.is_empty() {
+        return Err(Error::Shape { what: "demonstration", expected: "at least 1 step".to_owned(), found: "none".to_owned() });
+    }
+    let steps: Vec<_> = demo.steps.iter().map(|step| Arc::new(demonstrated(step, agent))).collect();
+    for (idx, step) in steps.iter().enumerate() {
+        let next = steps.get(idx + 1).cloned();
+        let reward = if next.is_none() { 1.0 } else { 0.0 };
+        let row = Row { step: Arc::clone(step), next, reward, truncated: false, episode_success: true, is_demo: true };
+        learner.push_path(&row);
+        if let Some(attention) = &agent.networks.q_attention {
+            learner.push_scene(&row, attention);
+        }
+    }
+    Ok(())
+}
+
+fn demonstrated(step: &DemoStep, agent: &Agent) -> Step<Seen> {
+    let scene = agent.obstacles(&step.observation, &step.goal);
+    let decision = Decision {
+        context: context(&step.observation.proprio, step.goal),
+        taken: agent.ranked(&step.path, &scene),
+        source: None,
+    };
+    Step { observation: agent.attended(&step.observation), decision }
+}

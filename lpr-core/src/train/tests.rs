@@ -1,0 +1,216 @@
+use super::*;
+use crate::env::EPISODE_LENGTH;
+use crate::evaluate::{Evaluation, best_of_all, evaluate, measure_regret};
+use crate::learner::Row;
+use crate::path::JointPath;
+use crate::perception::Observation;
+use crate::q_attention::NextBestPose;
+use crate::robot::{Gripper, PANDA, Robot};
+use crate::toy::Toy;
+
+use glamx::Vec3;
+
+/// Settings with which the toy is learned in seconds.
+pub(crate) fn config() -> Config {
+    let mut config = Config::preset("fast").expect("a preset");
+    config.candidates.path_len = 8;
+    config.candidates.planner_paths = 4;
+    config.candidates.bezier_paths = 8;
+    config.ranker.config_widths = vec![32, 64];
+    config.ranker.head_widths = vec![64];
+    config.policy.widths = vec![32, 64];
+    config.training.path_batch = 32;
+    config.training.demonstration_updates = 20;
+    config.training.path_updates_per_step = 2;
+    config
+}
+
+pub(crate) fn run(method: Method, seed: u64) -> Run {
+    Run { task: "toy".to_owned(), method, poses: PoseSource::Oracle, backend: Backend::Flex, seed }
+}
+
+/// A trainer on the toy with a few demonstrations.
+pub(crate) fn trainer(config: Config, method: Method, seed: u64) -> Trainer<Toy> {
+    let mut trainer = Trainer::new(config, run(method, seed), Toy::new(&PANDA)).expect("valid settings");
+    for demo in 0..3 {
+        let demo = Toy::new(&PANDA).demonstration(demonstration_scene(seed, demo)).expect("within reach");
+        trainer.add_demonstration(&demo).expect("several keyframes");
+    }
+    trainer
+}
+
+fn train(trainer: &mut Trainer<Toy>, n_steps: u64) -> Vec<StepLog> {
+    while trainer.demonstration_updates_left() > 0 {
+        trainer.update().expect("finite losses");
+    }
+    (0..n_steps).map(|_| trainer.step().expect("a toy scene")).collect()
+}
+
+fn score(trainer: &Trainer<Toy>) -> Evaluation {
+    evaluate(trainer.agent(), &mut Toy::new(&PANDA), 1000..1060, |_| ()).expect("toy scenes")
+}
+
+#[test]
+fn it_learns_the_toy_and_chance_does_not_do_it() {
+    let random = score(&trainer(config(), Method::Random, 0));
+    assert!(random.success_rate() < 0.45, "{random:?}");
+    for seed in 0..2 {
+        let mut trainer = trainer(config(), Method::Lpr, seed);
+        train(&mut trainer, 250);
+        let learned = score(&trainer);
+        assert!(learned.success_rate() >= 0.95, "seed {seed}: {learned:?}");
+    }
+}
+
+#[test]
+fn straight_lines_never_do_it_and_the_best_of_all_candidates_mostly_does() {
+    let straight = score(&trainer(config(), Method::C2fArm, 0));
+    assert_eq!(straight.successes, 0);
+    assert_eq!(straight.failures, [("force", 60)].into());
+    let random = trainer(config(), Method::Random, 0);
+    let best = best_of_all(random.agent(), &mut Toy::new(&PANDA), 1000..1020, |_| ()).expect("toy scenes");
+    let regret = measure_regret(random.agent(), &mut Toy::new(&PANDA), 1000..1020).expect("toy scenes");
+    let chosen = evaluate(random.agent(), &mut Toy::new(&PANDA), 1000..1020, |_| ()).expect("toy scenes");
+    assert!(best.success_rate() >= 0.85, "{best:?}");
+    // Each scene has one decisive step, in which the agent either succeeds or does not.
+    assert!(regret.decisive_steps >= best.successes);
+    assert_eq!(regret.decisive_steps - regret.missed, chosen.successes);
+}
+
+/// What a run measured, bit by bit, and its networks at the end.
+fn fingerprint(seed: u64, n_steps: u64) -> (Vec<(&'static str, u32)>, Vec<u8>) {
+    let mut trainer = trainer(config(), Method::Lpr, seed);
+    let logs = train(&mut trainer, n_steps);
+    let metrics = logs.iter().flat_map(|log| log.metrics.iter()).map(|(name, value)| (name, value.to_bits())).collect();
+    (metrics, trainer.checkpoint().expect("a small seed").weights)
+}
+
+#[test]
+fn the_same_seed_gives_the_same_run_and_another_seed_another() {
+    let first = fingerprint(5, 25);
+    assert_eq!(first, fingerprint(5, 25));
+    assert_ne!(first.1, fingerprint(6, 25).1);
+}
+
+#[cfg(feature = "parallel")]
+#[test]
+fn the_number_of_threads_does_not_matter() {
+    let with_threads = |n| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().expect("a pool");
+        pool.install(|| fingerprint(7, 25))
+    };
+    assert_eq!(with_threads(1), with_threads(2));
+}
+
+#[test]
+fn scenes_of_training_demonstrations_and_evaluation_are_apart() {
+    for seed in [0, 1, u64::MAX] {
+        let training: Vec<_> = (0..50).map(|episode| training_scene(seed, episode)).collect();
+        let demos: Vec<_> = (0..50).map(|demo| demonstration_scene(seed, demo)).collect();
+        assert!(training.iter().chain(&demos).all(|&scene| scene >= 1 << 32));
+        assert!(training.iter().all(|scene| !demos.contains(scene)));
+        assert!(training.windows(2).all(|pair| pair[0] != pair[1]));
+    }
+}
+
+/// A toy whose goal never changes and never rewards.
+#[derive(Debug)]
+struct Stuck {
+    toy: Toy,
+    goal: NextBestPose,
+    /// Poses that the demonstrator still has.
+    n_goals: usize,
+}
+
+impl Stuck {
+    fn trainer(config: Config, goal: Vec3) -> Trainer<Self> {
+        let mut toy = Toy::new(&PANDA);
+        toy.reset(0).expect("within reach");
+        let goal = NextBestPose { gripper: Gripper::Open, pose: PANDA.grip(&PANDA.start).prepend_translation(goal) };
+        Trainer::new(config, run(Method::Lpr, 1), Self { toy, goal, n_goals: 100 }).expect("valid settings")
+    }
+}
+
+impl Environment for Stuck {
+    fn robot(&self) -> &'static Robot {
+        self.toy.robot()
+    }
+
+    fn reset(&mut self, seed: u64) -> Result<()> {
+        self.toy.reset(seed)
+    }
+
+    fn observe(&mut self) -> Observation {
+        self.toy.observe()
+    }
+
+    fn step(&mut self, path: &JointPath, gripper: Gripper) -> StepResult {
+        self.n_goals -= 1;
+        self.toy.step(path, gripper)
+    }
+
+    fn demonstrated_goal(&self) -> Option<NextBestPose> {
+        (self.n_goals > 0).then_some(self.goal)
+    }
+}
+
+fn rows_of_one_episode(timeout: Timeout) -> Vec<Row> {
+    let mut config = config();
+    config.training.timeout = timeout;
+    config.training.transitions_before_updates = 1000;
+    let mut trainer = Stuck::trainer(config, Vec3::new(0.0, 0.1, 0.0));
+    let logs: Vec<_> = (0..EPISODE_LENGTH).map(|_| trainer.step().expect("a scene")).collect();
+    assert_eq!(logs[EPISODE_LENGTH - 1].episode.as_ref().and_then(|episode| episode.failure), Some("timeout"));
+    trainer.learner.paths.rows().to_vec()
+}
+
+#[test]
+fn a_timeout_bootstraps_when_it_cuts_off_and_not_when_it_terminates() {
+    let truncated = rows_of_one_episode(Timeout::Truncated);
+    assert_eq!(truncated.len(), EPISODE_LENGTH);
+    assert!(truncated.iter().all(|row| !row.terminated() && !row.episode_success));
+    assert_eq!(truncated.iter().filter(|row| row.truncated).count(), 1);
+    let terminal = rows_of_one_episode(Timeout::Terminal);
+    let n_terminated = terminal.iter().filter(|row| row.terminated()).count();
+    assert_eq!((terminal.len(), n_terminated), (EPISODE_LENGTH, 1));
+    assert!(terminal[EPISODE_LENGTH - 1].terminated());
+}
+
+#[test]
+fn a_pose_out_of_reach_ends_the_episode_and_teaches_no_path() {
+    let mut trainer = Stuck::trainer(config(), Vec3::new(3.0, 0.0, 0.0));
+    let log = trainer.step().expect("a scene");
+    assert_eq!(log.result.invalid, Some(InvalidAction::NoPath));
+    assert_eq!(log.episode.expect("it ended").failure, Some("no_path"));
+    assert!(log.action.path().is_none() && !log.action.set.rejected.is_empty());
+    assert_eq!(trainer.learner.paths.added(), 0);
+    // And the next episode starts.
+    assert_eq!(trainer.step().expect("a scene").progress.episodes, 2);
+}
+
+#[test]
+fn an_episode_ends_when_the_demonstrator_has_no_further_pose() {
+    let mut trainer = Stuck::trainer(config(), Vec3::new(0.0, 0.1, 0.0));
+    trainer.environment().n_goals = 2;
+    assert!(trainer.step().expect("a scene").episode.is_none());
+    let log = trainer.step().expect("a scene");
+    assert_eq!(log.episode.expect("it ended").failure, Some("not_done"));
+    assert!(trainer.learner.paths.rows()[1].terminated());
+    assert!(trainer.step().is_err(), "and no episode can start");
+}
+
+#[test]
+fn what_a_step_reports_fits_together() {
+    let mut trainer = trainer(config(), Method::Lpr, 3);
+    for log in train(&mut trainer, 12) {
+        let values = log.action.values.as_ref().expect("paths were ranked");
+        assert_eq!(values.len(), log.action.set.candidates.len());
+        assert_eq!(log.metrics.get("value/chosen"), log.action.chosen_value());
+        assert!(log.metrics.get("td_error").is_some() && log.metrics.get("losses/policy").is_some());
+        assert_eq!(log.episode.is_some(), log.metrics.get("episode/success").is_some());
+        if let Some(episode) = &log.episode {
+            let last = episode.values.last().expect("its steps were ranked");
+            assert_eq!(last.realised, log.result.reward);
+        }
+    }
+}

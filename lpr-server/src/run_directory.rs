@@ -1,0 +1,89 @@
+//! The directory of a training run: configuration, metrics, checkpoints and summary.
+
+use crate::files::{self, FileError};
+use lpr_core::checkpoint::Checkpoint;
+use serde::Serialize;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+const CHECKPOINTS: &str = "checkpoints";
+const WEIGHTS: &str = "weights.safetensors";
+const STATE: &str = "state.bin";
+/// Older checkpoints are deleted: this many stay.
+const KEPT_CHECKPOINTS: usize = 2;
+
+type Result<T, E = FileError> = core::result::Result<T, E>;
+
+/// Starts a run in `directory`, which must be empty or absent.
+///
+/// # Errors
+///
+/// When it is not empty or cannot be written.
+pub fn create(directory: &Path, config_toml: &str) -> Result<()> {
+    files::create_output_directory(directory)?;
+    let checkpoints = directory.join(CHECKPOINTS);
+    fs::create_dir_all(&checkpoints).map_err(FileError::io("create", &checkpoints))?;
+    files::write_atomically(&directory.join("config.toml"), |file| file.write_all(config_toml.as_bytes()))
+}
+
+/// Saves a checkpoint, whole or not at all, and deletes old ones.
+///
+/// # Errors
+///
+/// When the directory cannot be written; older checkpoints are then still there.
+pub fn save(directory: &Path, env_step: u64, checkpoint: &Checkpoint) -> Result<()> {
+    let path = checkpoint_path(directory, env_step);
+    if path.exists() {
+        return Ok(());
+    }
+    files::write_directory_atomically(&path, |inside| {
+        files::write_atomically(&inside.join(WEIGHTS), |file| file.write_all(&checkpoint.weights))?;
+        files::write_atomically(&inside.join(STATE), |file| file.write_all(&checkpoint.state))
+    })?;
+    let steps = checkpoint_steps(directory)?;
+    for old in steps.iter().rev().skip(KEPT_CHECKPOINTS) {
+        let old = checkpoint_path(directory, *old);
+        fs::remove_dir_all(&old).map_err(FileError::io("delete", &old))?;
+    }
+    Ok(())
+}
+
+/// The newest checkpoint of a run with its environment step.
+///
+/// # Errors
+///
+/// When there is none, or when it cannot be read.
+pub fn latest(directory: &Path) -> Result<(u64, Checkpoint)> {
+    let steps = checkpoint_steps(directory)?;
+    let Some(step) = steps.last() else {
+        return Err(FileError::content(directory, "holds no checkpoint: not a run directory, or a run that had not saved yet"));
+    };
+    let path = checkpoint_path(directory, *step);
+    let read = |name: &str| {
+        let file = path.join(name);
+        fs::read(&file).map_err(FileError::io("read", &file))
+    };
+    Ok((*step, Checkpoint { weights: read(WEIGHTS)?, state: read(STATE)? }))
+}
+
+/// Writes `summary.json`.
+///
+/// # Errors
+///
+/// When it cannot be written.
+pub fn write_summary(directory: &Path, summary: &impl Serialize) -> Result<()> {
+    files::write_json(&directory.join("summary.json"), summary)
+}
+
+fn checkpoint_path(directory: &Path, env_step: u64) -> PathBuf {
+    directory.join(CHECKPOINTS).join(format!("{env_step:08}"))
+}
+
+/// Environment steps of the checkpoints, ascending.
+fn checkpoint_steps(directory: &Path) -> Result<Vec<u64>> {
+    let checkpoints = directory.join(CHECKPOINTS);
+    let entries = fs::read_dir(&checkpoints).map_err(FileError::io("read", &checkpoints))?;
+    let mut steps: Vec<u64> = entries.filter_map(|entry| entry.ok()?.file_name().to_str()?.parse().ok()).collect();
+    steps.sort_unstable();
+    Ok(steps)
+}
