@@ -25,7 +25,9 @@ const BEAUTY: &str = "beauty";
 const PLANNER_RGB: [u8; 3] = [30, 110, 220];
 const BEZIER_RGB: [u8; 3] = [240, 140, 20];
 const SUCCESS_RGB: [u8; 3] = [20, 150, 70];
-const FAILURE_RGB: [u8; 3] = [205, 50, 60];
+const FAILURE_RGB: [u8; 3] = [215, 95, 95];
+/// Rows of a picture for each pixel of a line's width, and of a letter's dots.
+const ROWS_PER_DOT: f32 = 240.0;
 
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
@@ -156,33 +158,47 @@ fn snapshots(arguments: &Arguments, env: &SimEnvironment) -> Result<Vec<Keyframe
 /// The grip's way along a candidate.
 struct Line {
     points: Vec<Vec3>,
-    rgb: [u8; 3],
+    class: &'static Class,
 }
+
+/// What the colour of a line says.
+#[derive(PartialEq)]
+struct Class {
+    name: &'static str,
+    rgb: [u8; 3],
+    /// Relative to that of the others.
+    width: f32,
+}
+
+static PLANNER: Class = Class { name: "planner", rgb: PLANNER_RGB, width: 1.0 };
+static BEZIER: Class = Class { name: "bezier", rgb: BEZIER_RGB, width: 1.0 };
+static FAILURE: Class = Class { name: "fail", rgb: FAILURE_RGB, width: 0.7 };
+static SUCCESS: Class = Class { name: "succeed", rgb: SUCCESS_RGB, width: 1.5 };
 
 /// The candidates of a keyframe as lines, those that succeed last, so that they lie on top.
 fn lines(arguments: &Arguments, snapshot: &KeyframeSnapshot, keyframe: usize) -> Vec<Line> {
     let settings = presets::candidates();
     let streams = CandidateStreams { seed: arguments.seed, step: keyframe as u64 };
     let robot = snapshot.env.robot();
-    let line = |path: &JointPath, rgb| Line { points: grip_points(robot, path), rgb };
+    let line = |path: &JointPath, class| Line { points: grip_points(robot, path), class };
     match arguments.candidates {
         None => Vec::new(),
         Some(Colours::Source) => {
             let set = snapshot.candidates(&settings, streams);
-            set.candidates.iter().map(|candidate| line(&candidate.path, source_rgb(candidate.source))).collect()
+            set.candidates.iter().map(|candidate| line(&candidate.path, source_class(candidate.source))).collect()
         }
         Some(Colours::Outcome) => {
             let trials = snapshot.execute_all(&settings, streams);
             let mut outcomes: Vec<_> = trials.set.candidates.iter().zip(&trials.trials).collect();
             outcomes.sort_by_key(|(_, trial)| trial.success);
-            let rgb = |success| if success { SUCCESS_RGB } else { FAILURE_RGB };
-            outcomes.into_iter().map(|(candidate, trial)| line(&candidate.path, rgb(trial.success))).collect()
+            let class = |success| if success { &SUCCESS } else { &FAILURE };
+            outcomes.into_iter().map(|(candidate, trial)| line(&candidate.path, class(trial.success))).collect()
         }
     }
 }
 
-fn source_rgb(source: Source) -> [u8; 3] {
-    if source == Source::Bezier { BEZIER_RGB } else { PLANNER_RGB }
+fn source_class(source: Source) -> &'static Class {
+    if source == Source::Bezier { &BEZIER } else { &PLANNER }
 }
 
 /// Points of the grip along a path, close enough to look curved where the arm's joints make a curve.
@@ -207,11 +223,31 @@ impl<'a> Artist<'a> {
         let items = SimEnvironment::picture_items(world, &mut self.renderer)?;
         let camera = self.camera(world)?;
         let mut picture = self.renderer.render_picture(&camera, &items, SAMPLES);
-        let width = (f32::from(self.size.height) / 240.0).max(1.0);
-        for Line { points, rgb } in lines {
-            picture.draw_polyline(&camera, points, &Stroke { rgb: *rgb, width, hidden_opacity: 0.3 });
+        for Line { points, class } in lines {
+            let stroke = Stroke { rgb: class.rgb, width: class.width * self.dot(), hidden_opacity: 0.3 };
+            picture.draw_polyline(&camera, points, &stroke);
         }
+        self.draw_legend(&mut picture, lines);
         Ok(picture)
+    }
+
+    /// How many lines there are of each class.
+    fn draw_legend(&self, picture: &mut Picture, lines: &[Line]) {
+        let scale = self.dot() as usize;
+        let margin = 6 * scale as i32;
+        let mut top = margin;
+        for class in [&PLANNER, &BEZIER, &SUCCESS, &FAILURE] {
+            let n = lines.iter().filter(|line| line.class == class).count();
+            if n > 0 {
+                picture.draw_text([margin, top], &format!("{n} {}", class.name), class.rgb, scale);
+                top += 10 * scale as i32;
+            }
+        }
+    }
+
+    /// Width of a line, pixels.
+    fn dot(&self) -> f32 {
+        (f32::from(self.size.height) / ROWS_PER_DOT).max(1.0)
     }
 
     fn camera(&self, world: &World) -> Result<Camera> {
@@ -226,7 +262,7 @@ impl<'a> Artist<'a> {
 fn beauty(robot: &Robot) -> Camera {
     let center = robot.workspace_center.extend(0.0);
     let position = center + Vec3::new(0.95, 1.15, 0.85);
-    Camera::looking_at(BEAUTY, position, center + Vec3::new(-0.18, 0.0, 0.27), 38_f32.to_radians())
+    Camera::looking_at(BEAUTY, position, center + Vec3::new(-0.18, 0.0, 0.31), 37_f32.to_radians())
 }
 
 impl fmt::Display for Report {
