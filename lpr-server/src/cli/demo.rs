@@ -1,6 +1,6 @@
 //! `lpr demo`: scripted demonstrations of a task.
 
-use super::{Failure, Result, RobotArgument, TaskArgument, presets, scene_seeds};
+use super::{Failure, Result, RobotArgument, TaskArgument, default_preset, scene_seeds};
 use crate::files;
 use crate::formats::DemoFile;
 use core::fmt;
@@ -122,7 +122,7 @@ fn demonstrate_seed(arguments: &Arguments, seed: u64) -> Result<Demonstration, &
 /// The same scene with a demonstrator that goes where an agent could.
 fn quantise(env: &SimEnvironment, seed: u64) -> Result<SimEnvironment, &'static str> {
     let bounds = VoxelBounds::scene(env.world().robot());
-    let codec = ActionCodec::new(&presets::q_attention(), bounds).expect("the preset's numbers fit together");
+    let codec = ActionCodec::new(&default_preset().q_attention, bounds).expect("the preset's numbers fit together");
     let goals: Option<Vec<NextBestPose>> = env.plan().goals.iter().map(|goal| codec.quantise(goal)).collect();
     env.with_goals(&goals.ok_or("outside_voxels")?, &mut stream(seed, Stream::Demo, 1)).ok_or("unreachable")
 }

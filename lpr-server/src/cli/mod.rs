@@ -8,7 +8,6 @@ mod eval;
 mod fk;
 mod ik;
 mod paths;
-mod presets;
 mod render;
 mod robots;
 mod tasks;
@@ -17,6 +16,7 @@ mod train;
 use crate::files::FileError;
 use clap::{Args, Parser, Subcommand};
 use core::fmt::Display;
+use lpr_core::config::Config;
 use lpr_core::robot::{ROBOTS, Robot};
 use lpr_core::sim::tasks::Task;
 use serde::Serialize;
@@ -31,10 +31,10 @@ const WRONG_USAGE: u8 = 2;
 /// What `lpr` alone prints.
 const INTRODUCTION: &str = "\
 lpr: robot arms that learn manipulation from a few demonstrations on a CPU (C2F-ARM with Learned Path Ranking).
-  lpr tasks                                          the tasks; lpr robots: the arms
-  lpr demo toilet_seat_up                            scripted demonstrations
-  lpr render toilet_seat_up --demo --out demo.gif    one of them as an animation, with the candidate paths of its keyframes
-  lpr help [COMMAND]        every command and option; --json prints one JSON object instead of a table";
+  lpr tasks                                   the tasks; lpr robots: the arms
+  lpr train reach_target --out run            trains an agent and evaluates it
+  lpr render open_drawer --demo --out a.gif   a scripted demonstration as an animation
+  lpr help [COMMAND]                          every command and option; --json prints one JSON object instead of a table";
 
 #[derive(Debug, Parser)]
 #[command(name = "lpr", version, about = "Robot arms that learn manipulation from a few demonstrations on a CPU")]
@@ -98,6 +98,11 @@ struct TaskArgument {
     /// The task, one of `lpr tasks`
     #[arg(value_name = "TASK", value_parser = Task::by_name)]
     task: &'static Task,
+}
+
+/// The default preset, for commands that look at scenes and candidates without a run.
+fn default_preset() -> Config {
+    Config::preset("fast").expect("the preset is built in and parses")
 }
 
 /// The scenes of `episodes` episodes from `seed` on.

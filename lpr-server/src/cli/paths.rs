@@ -1,6 +1,6 @@
 //! `lpr paths`: the candidate paths of a demonstration's keyframes, and what becomes of each.
 
-use super::{Failure, Result, RobotArgument, TaskArgument, presets, scene_seeds};
+use super::{Failure, Result, RobotArgument, TaskArgument, default_preset, scene_seeds};
 use core::fmt;
 use lpr_core::path::{CandidateSet, CandidateSettings, CandidateStreams, Source};
 use lpr_core::robot::{JointConfig, Robot};
@@ -27,12 +27,12 @@ pub(super) struct Arguments {
     /// Execute every candidate, each from the same snapshot
     #[arg(long)]
     execute: bool,
-    /// Standard deviation of the Bézier curves' middle points, metres
-    #[arg(long, value_name = "METRES", default_value_t = presets::candidates().bezier.sigma)]
-    sigma: f32,
-    /// Share of the planner's paths that are planned with collision checking on
-    #[arg(long, value_name = "SHARE", default_value_t = presets::candidates().planner_collision_free_fraction)]
-    collision_free_fraction: f32,
+    /// Standard deviation of the Bézier curves' middle points, metres [default: that of the preset fast]
+    #[arg(long, value_name = "METRES")]
+    sigma: Option<f32>,
+    /// Share of the planner's paths that are planned with collision checking on [default: that of the preset fast]
+    #[arg(long, value_name = "SHARE")]
+    collision_free_fraction: Option<f32>,
     /// Contact force on the arm that ends an episode, newtons
     #[arg(long, value_name = "NEWTONS", default_value_t = SimParams::STANDARD.abort_force)]
     abort_force: f32,
@@ -195,9 +195,13 @@ fn snapshots(task: &'static Task, robot: &'static Robot, seed: u64, params: &Sim
 }
 
 fn settings(arguments: &Arguments) -> Result<CandidateSettings> {
-    let mut settings = presets::candidates();
-    settings.bezier.sigma = arguments.sigma;
-    settings.planner_collision_free_fraction = arguments.collision_free_fraction;
+    let mut settings = default_preset().candidates;
+    if let Some(sigma) = arguments.sigma {
+        settings.bezier.sigma = sigma;
+    }
+    if let Some(fraction) = arguments.collision_free_fraction {
+        settings.planner_collision_free_fraction = fraction;
+    }
     settings.check()?;
     Ok(settings)
 }

@@ -1,6 +1,6 @@
 //! `lpr render`: a picture of a scene or a demonstration as an animation, with the candidate paths of its keyframes.
 
-use super::{Failure, Result, RobotArgument, TaskArgument, paths, presets};
+use super::{Failure, Result, RobotArgument, TaskArgument, default_preset, paths};
 use crate::images;
 use core::fmt;
 use lpr_core::env::Environment as _;
@@ -177,7 +177,7 @@ static SUCCESS: Class = Class { name: "succeed", rgb: SUCCESS_RGB, width: 1.5 };
 
 /// The candidates of a keyframe as lines, those that succeed last, so that they lie on top.
 fn lines(arguments: &Arguments, snapshot: &KeyframeSnapshot, keyframe: usize) -> Vec<Line> {
-    let settings = presets::candidates();
+    let settings = default_preset().candidates;
     let streams = CandidateStreams { seed: arguments.seed, step: keyframe as u64 };
     let robot = snapshot.env.robot();
     let line = |path: &JointPath, class| Line { points: grip_points(robot, path), class };
@@ -261,8 +261,8 @@ impl<'a> Artist<'a> {
 /// A view over the whole arm and the workspace from the front and the side.
 fn beauty(robot: &Robot) -> Camera {
     let center = robot.workspace_center.extend(0.0);
-    let position = center + Vec3::new(0.95, 1.15, 0.85);
-    Camera::looking_at(BEAUTY, position, center + Vec3::new(-0.18, 0.0, 0.31), 37_f32.to_radians())
+    let position = center + Vec3::new(1.03, 1.25, 0.95);
+    Camera::looking_at(BEAUTY, position, center + Vec3::new(-0.17, 0.0, 0.36), 37_f32.to_radians())
 }
 
 impl fmt::Display for Report {

@@ -53,6 +53,8 @@ fn build(_: &mut Rng) -> TaskScene {
             cylinder_z([0.0, 0.0, knob], KNOB_RADIUS, KNOB_HEIGHT, KNOB_RGB),
         ],
     );
+    let inside = Vec3::new(0.0, 0.0, RIM + 0.5 * GAP);
+    scene.body("inside", BodyKind::Visual, inside, 0.0, vec![cylinder_z([0.0; 3], PAN_RADIUS - 0.004, 0.5 * GAP, BLACK)]);
     // The pads' lower edge stays above the lid.
     let down = [180.0, 0.0, 0.0];
     scene.waypoint(grip_pose([0.0, 0.0, 0.152], down), Gripper::Open, Motion::Free);

@@ -22,6 +22,8 @@ pub(super) static TOILET_SEAT_UP: Task = Task {
 const HINGE: Vec3 = Vec3::new(-0.006, -0.059, 0.2365);
 /// Seat slab: width, depth, thickness.
 const SEAT: [f32; 3] = [0.225, 0.255, 0.011];
+/// Height of the bowl's rim.
+const BOWL_TOP: f32 = 0.22;
 /// Opening at which the task is done, radians.
 const OPEN: f32 = 1.40;
 /// Opening at which the demonstrator stops: the published arc ends with the hand at a roll of 177 degrees.
@@ -30,6 +32,7 @@ const DEMONSTRATED: f32 = 87.0 / 180.0 * core::f32::consts::PI;
 const ARC_POSES: usize = 12;
 
 const PORCELAIN: [u8; 3] = [232, 234, 238];
+const WATER: [u8; 3] = [140, 165, 185];
 const SEAT_RGB: [u8; 3] = [60, 110, 170];
 
 fn build(_: &mut Rng) -> TaskScene {
@@ -46,6 +49,7 @@ fn build(_: &mut Rng) -> TaskScene {
             cuboid([0.0, -0.22, 0.20], [0.24, 0.12, 0.40], PORCELAIN),
         ],
     );
+    scene.body("water", BodyKind::Visual, Vec3::new(0.0, 0.05, BOWL_TOP), 0.0, vec![cylinder_z([0.0; 3], 0.085, 0.001, WATER)]);
     let center = Vec3::new(0.0, 0.5 * SEAT[1], 0.0);
     let seat = scene.body("seat", BodyKind::Dynamic, HINGE, 0.178, vec![cuboid(center.to_array(), SEAT, SEAT_RGB)]);
     let hinge = scene.joint(JointSpec {
