@@ -13,7 +13,7 @@ use lpr_core::nn::Backend;
 use lpr_core::path::Source;
 use lpr_core::robot::Robot;
 use lpr_core::sim::tasks::Task;
-use lpr_core::sim::{EpisodeLimit, SimEnvironment, SimParams};
+use lpr_core::sim::{EpisodeLimit, SimEnvironment};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -74,12 +74,7 @@ pub(super) fn simulator(
 ) -> Result<SimEnvironment> {
     /// Any scene: every episode is reset to its own.
     const FIRST_SCENE: u64 = 1000;
-    let params: SimParams = config
-        .simulator
-        .clone()
-        .try_into()
-        .map_err(|error: toml::de::Error| lpr_core::Error::Config(format!("simulator: {}", error.message())))?;
-    let mut environment = SimEnvironment::new(task, robot, FIRST_SCENE, &["front"], &params)?;
+    let mut environment = SimEnvironment::new(task, robot, FIRST_SCENE, &["front"], &config.simulator)?;
     environment.set_timing(config.timing.clone());
     environment.set_limit(match poses {
         PoseSource::Learned => EpisodeLimit::Steps,
