@@ -3,7 +3,7 @@
 use super::batch::{Augmented, QSample};
 use super::loss::{Choices, Regularisation, chosen_values, depth_loss, td_target};
 use super::network::{Heads, NetworkCost, NetworkInput, QNetwork, QValues};
-use super::{ActionCodec, DiscreteAction, NextBestPose, QAttentionSettings, QObservation};
+use super::{ActionCodec, DiscreteAction, NetworkSettings, NextBestPose, QAttentionSettings, QObservation};
 use crate::error::{Error, Result};
 use crate::nn::{
     Adam, AdamSettings, AdamState, Backend, GradientClip, NamedTensor, export, import, mix, tensor, values as floats,
@@ -155,7 +155,12 @@ impl QAttention {
         for (depth_idx, depth) in self.depths.iter().enumerate() {
             let space = self.codec.zoom(depth_idx, center).expect("there is a space for each depth");
             let grid = VoxelGrid::voxelise(observation.colored_points(), space);
-            let values = depth.network(weights).forward(network_input(&[&grid], &[observation.proprio], &self.device));
+            let values = depth.network(weights).forward(network_input(
+                &[&grid],
+                &[observation.proprio],
+                self.settings.network,
+                &self.device,
+            ));
             let best = Choices::best(&values);
             let voxel = space.voxel_from_flat(ints(best.voxel.clone())[0]);
             center = space.point_from_voxel(voxel);
@@ -277,7 +282,7 @@ impl QAttention {
         let next = |i: usize| batch[i].sample.next.expect("only samples that go on are asked for");
         let grids = going_on.iter().zip(spaces).map(|(&i, &space)| batch[i].moved_grid(next(i), space)).collect::<Vec<_>>();
         let proprio = going_on.iter().map(|&i| batch[i].moved_proprio(next(i))).collect::<Vec<_>>();
-        let input = network_input(&grids.iter().collect::<Vec<_>>(), &proprio, &self.device);
+        let input = network_input(&grids.iter().collect::<Vec<_>>(), &proprio, self.settings.network, &self.device);
         let depth = &self.depths[depth_idx];
         let best = Choices::best(&depth.online.forward(input.clone()));
         let values = chosen_values(&depth.target.forward(input), &best).mean_dim(1);
@@ -293,7 +298,7 @@ impl QAttention {
         let device = self.device.clone().autodiff();
         let grids = batch.iter().map(|sample| sample.grid(depth_idx)).collect::<Vec<_>>();
         let proprio = batch.iter().map(|sample| sample.moved_proprio(sample.sample.observation)).collect::<Vec<_>>();
-        let input = network_input(&grids.iter().collect::<Vec<_>>(), &proprio, &device);
+        let input = network_input(&grids.iter().collect::<Vec<_>>(), &proprio, self.settings.network, &device);
         let n = batch.len();
         let weights = batch.iter().map(|sample| sample.sample.weight).collect();
 
@@ -342,13 +347,36 @@ fn add_priorities(priorities: &mut [f32], huber: &[f32], times: usize) {
 }
 
 /// Grids and proprioception as one batch.
-fn network_input(grids: &[&VoxelGrid], proprio: &[Proprio], device: &Device) -> NetworkInput {
+fn network_input(grids: &[&VoxelGrid], proprio: &[Proprio], network: NetworkSettings, device: &Device) -> NetworkInput {
     let n_voxels = grids.first().map_or(0, |grid| grid.space.n_voxels());
-    let voxels = grids.iter().flat_map(|grid| grid.features.iter().copied()).collect();
+    let mut voxels = grids.iter().flat_map(|grid| grid.features.iter().copied()).collect::<Vec<_>>();
+    if let NetworkSettings::Fast { .. } = network {
+        for (grid, features) in grids.iter().zip(voxels.chunks_exact_mut(VOXEL_CHANNELS * n_voxels)) {
+            center_positions(grid, features);
+        }
+    }
     let low_dim = proprio.iter().flat_map(Proprio::low_dim).collect();
     NetworkInput {
         voxels: tensor(voxels, [grids.len(), VOXEL_CHANNELS, n_voxels], device),
         proprio: tensor(low_dim, [proprio.len(), LOW_DIM], device),
+    }
+}
+
+/// Mean positions as fractions of a voxel from its centre, -1 to 1, instead of metres in the world; zero where nothing is.
+///
+/// What is learned at one place then holds at every other, and a millimetre is not lost beside a metre.
+fn center_positions(grid: &VoxelGrid, features: &mut [f32]) {
+    let n_voxels = grid.space.n_voxels();
+    let half_voxel = 0.5 * grid.space.voxel_size();
+    for flat in 0..n_voxels {
+        let voxel = grid.space.voxel_from_flat(flat);
+        if grid.is_occupied(voxel) {
+            let center = grid.space.point_from_voxel(voxel);
+            for axis in 0..3 {
+                let position = &mut features[axis * n_voxels + flat];
+                *position = (*position - center[axis]) / half_voxel[axis];
+            }
+        }
     }
 }
 

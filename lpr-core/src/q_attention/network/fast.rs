@@ -8,7 +8,8 @@
 //!
 //! About 30 times fewer operations than C2F-ARM's U-Net. The head reads the features of the quarter grid in place beside
 //! their maximum, because yaw shows in where things are around the attended voxel; and the values of an Euler angle are
-//! a short Fourier series over the circle, so that one demonstrated angle also teaches its neighbours.
+//! a short Fourier series over the circle, so that one demonstrated angle also teaches its neighbours. Positions in the input are
+//! within the voxel, not in the world.
 
 use super::blocks::{block_of_raster, neighbours, raster_of_block};
 use super::{NetworkInput, PoseValues, QValues};
