@@ -80,8 +80,10 @@ fn check_case(case: &Case, backend: Backend) {
 
     let taken: Vec<_> = case.batch.iter().map(|transition| transition.taken.owned()).collect();
     let next: Vec<_> = case.batch.iter().map(|transition| transition.next.as_ref().map(Sample::owned)).collect();
-    let values: Vec<_> =
-        taken.iter().map(|Owned(context, path)| ranker.values(context, core::slice::from_ref(path)).expect("one path")[0]).collect();
+    let values: Vec<_> = taken
+        .iter()
+        .map(|Owned(context, path)| ranker.values(context, core::slice::from_ref(path)).expect("one path")[0])
+        .collect();
     assert_close("values", &values, &case.values, 1e-5);
 
     let batch: Vec<_> = (0..case.batch.len())
