@@ -63,7 +63,7 @@ impl DemoPlan {
             };
             Waypoint { goal: *goal, motion }
         });
-        plan_one_of(robot, start, vec![waypoints.collect()], rng)
+        plan_one_of(robot, start, &[waypoints.collect()], rng)
     }
 }
 
@@ -89,13 +89,13 @@ pub fn plan_waypoints(robot: &Robot, start: &JointConfig, waypoints: &[Waypoint]
             other => other.clone(),
         },
     };
-    plan_one_of(robot, start, vec![waypoints.to_vec(), waypoints.iter().map(turned).collect()], rng)
+    plan_one_of(robot, start, &[waypoints.to_vec(), waypoints.iter().map(turned).collect()], rng)
 }
 
 /// Finds postures for the waypoints of one of the alternatives, nearest to `start` first.
-fn plan_one_of(robot: &Robot, start: &JointConfig, alternatives: Vec<Vec<Waypoint>>, rng: &mut Rng) -> Option<DemoPlan> {
+fn plan_one_of(robot: &Robot, start: &JointConfig, alternatives: &[Vec<Waypoint>], rng: &mut Rng) -> Option<DemoPlan> {
     let mut postures: Vec<(f32, &[Waypoint], JointConfig)> = Vec::new();
-    for waypoints in &alternatives {
+    for waypoints in alternatives {
         let found = robot.ik_distinct(&waypoints.first()?.goal.pose, POSTURES, POSTURE_DISTANCE, start, rng);
         postures.extend(found.into_iter().map(|config| (config.distance(start), waypoints.as_slice(), config)));
     }
