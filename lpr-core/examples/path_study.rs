@@ -6,7 +6,12 @@
 //!
 //! Arguments: a task or `toy`, a method, a seed, environment steps, and settings that differ from `fast`. Prints, every 50 steps,
 //! the share of training episodes that succeeded since and of validation scenes, and at the end what the choices cost.
-#![expect(clippy::print_stdout, clippy::unwrap_used, reason = "a study that prints its table and may stop at bad arguments")]
+#![expect(
+    clippy::print_stdout,
+    clippy::unwrap_used,
+    clippy::disallowed_methods,
+    reason = "a study that prints its table and may stop at bad arguments"
+)]
 
 use std::time::Instant;
 
@@ -38,14 +43,15 @@ fn main() {
     let n_demos = config.training.demonstrations as u64;
     let scenes = (0..).map(|demo| demonstration_scene(seed, demo));
     if task == "toy" {
-        let demos = scenes.filter_map(|scene| Toy::new(&XARM7).demonstration(scene).ok()).take(n_demos as usize).collect();
-        study(config, run, Toy::new(&XARM7), demos, n_steps);
+        let demos: Vec<_> =
+            scenes.filter_map(|scene| Toy::new(&XARM7).demonstration(scene).ok()).take(n_demos as usize).collect();
+        study(config, run, Toy::new(&XARM7), &demos, n_steps);
     } else {
         let task = Task::by_name(task).unwrap();
         let env = SimEnvironment::new(task, &XARM7, VALIDATION.start, &["front"], &config.simulator).unwrap();
         let recorded = scenes.filter_map(|scene| record_demo(&env, scene, &config.demos).ok().flatten());
-        let demos = recorded.take(n_demos as usize).flatten().collect();
-        study(config, run, env, demos, n_steps);
+        let demos: Vec<_> = recorded.take(n_demos as usize).flatten().collect();
+        study(config, run, env, &demos, n_steps);
     }
 }
 
@@ -62,7 +68,7 @@ fn changed(config: &Config, setting: &str) -> Config {
     Config::from_toml(&table.to_string()).unwrap()
 }
 
-fn study<E: Environment + Clone>(config: Config, run: Run, environment: E, demos: Vec<DemoEpisode>, n_steps: u64) {
+fn study<E: Environment + Clone>(config: Config, run: Run, environment: E, demos: &[DemoEpisode], n_steps: u64) {
     let started = Instant::now();
     let mut validation = environment.clone();
     let mut trainer = Trainer::new(config, run, environment).unwrap();

@@ -217,7 +217,7 @@ mod tests {
         };
         assert_eq!(clipped(GradientClip::None), gradients());
         assert_eq!(clipped(GradientClip::Value(0.5)), [vec![0.5, -0.1], vec![-0.5]]);
-        let norm: f32 = clipped(GradientClip::Norm(1.0)).iter().flatten().map(|g| g * g).sum::<f32>().sqrt();
+        let norm = clipped(GradientClip::Norm(1.0)).iter().flatten().map(|g| g * g).sum::<f32>().sqrt();
         assert!((norm - 1.0).abs() < 1e-5, "{norm}");
         assert_eq!(clipped(GradientClip::Norm(1e3)), gradients());
     }
