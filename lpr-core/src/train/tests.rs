@@ -16,6 +16,8 @@ pub(crate) fn config() -> Config {
     config.candidates.path_len = 8;
     config.candidates.planner_paths = 4;
     config.candidates.bezier_paths = 8;
+    // The toy's way bows by 3 cm and more: middle points lie about 10 cm off the line.
+    config.candidates.bezier.sigma = 0.1;
     config.ranker.config_widths = vec![32, 64];
     config.ranker.head_widths = vec![64];
     config.policy.widths = vec![32, 64];
