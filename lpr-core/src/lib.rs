@@ -1,4 +1,23 @@
-//! C2F-ARM with Learned Path Ranking.
+//! C2F-ARM with Learned Path Ranking: robot arms that learn manipulation from a few demonstrations.
+//!
+//! 1. Cameras give an [`perception::Observation`].
+//! 2. Q-attention voxelises it, zooms in and names the next-best pose: [`q_attention`].
+//! 3. The cloud becomes obstacles: [`scene::obstacle_scene`].
+//! 4. Planner, Bézier curves and path policy propose paths to the pose: [`path::candidates()`].
+//! 5. The ranker values each of them, and the best is taken.
+//! 6. An [`env::Environment`] times and executes it.
+//! 7. What came of it enters the replay.
+//! 8. All networks learn from it.
+//!
+//! Metres, radians, seconds; the world is the base of the arm, z up, the table top at z = 0.
+//!
+//! ```
+//! use lpr_core::robot::XARM7;
+//!
+//! let grip = XARM7.grip(&XARM7.start);
+//! let again = XARM7.ik_nearest(&grip, &XARM7.start).expect("the start is within reach");
+//! assert!(XARM7.grip(&again).translation.distance(grip.translation) < 1e-4);
+//! ```
 
 #[cfg(feature = "learn")]
 pub mod agent;

@@ -1,6 +1,6 @@
 //! Scalars as TensorBoard reads them: `TFRecord` framing around hand-encoded `tensorflow.Event` messages.
 //!
-//! The one crate for this has had no release since 2022 and brings a protobuf runtime and an image library along; scalars need
+//! The one crate for this brings a protobuf runtime and an image library along; scalars need
 //! five fields. Formats: `tensorflow/core/util/event.proto`, `tensorflow/core/lib/io/record_writer.h`.
 
 use crate::files::{self, FileError, Result};

@@ -80,7 +80,7 @@ fn bent(poses: &[Pose3], first: Pose3, last: Pose3) -> Vec<Pose3> {
 /// Finds postures in which the arm at `start` can do every waypoint; `None` when it finds none.
 ///
 /// Both halves of the symmetric gripper's turn about its approach are tried.
-pub fn plan_waypoints(robot: &Robot, start: &JointConfig, waypoints: &[Waypoint], rng: &mut Rng) -> Option<DemoPlan> {
+pub(super) fn plan_waypoints(robot: &Robot, start: &JointConfig, waypoints: &[Waypoint], rng: &mut Rng) -> Option<DemoPlan> {
     let half_turn = Pose3::from_rotation(Quat::from_xyzw(0.0, 0.0, 1.0, 0.0));
     let turned = |waypoint: &Waypoint| Waypoint {
         goal: NextBestPose { pose: waypoint.goal.pose * half_turn, gripper: waypoint.goal.gripper },

@@ -2,7 +2,7 @@
 
 mod arm;
 mod contact;
-pub mod demonstrator;
+mod demonstrator;
 mod env;
 pub mod feasibility;
 mod gripper;

@@ -15,7 +15,7 @@ pub struct SimParams {
     pub contact_frequency: f32,
     /// Damping ratio of contacts.
     pub contact_damping_ratio: f32,
-    /// Natural frequency of hinges and slides, Hz: off their axis they give way by about a millimetre at 60 N.
+    /// Natural frequency of hinges and slides, Hz: off their axis they give way, by less than 3 mm and 1 degree while a demonstrator pulls (a test).
     pub joint_frequency: f32,
     /// Damping ratio of hinges and slides.
     pub joint_damping_ratio: f32,
@@ -26,7 +26,7 @@ pub struct SimParams {
     /// Speed of one finger while it closes or opens, m/s.
     pub finger_speed: f32,
     /// How far a finger in contact gives way in one physics step per newton of force error, metres: it sets the grip force, and
-    /// lets both fingers follow a handle sideways as a compliant arm does. Contacts yield about 0.1 mm at 60 N, so twice this
+    /// lets both fingers follow a handle sideways as a compliant arm does. In traces of a drawer's pull, eight times this
     /// value oscillates.
     pub finger_compliance: f32,
     /// How far the fingers may follow sideways before they are rigid, metres.
