@@ -185,5 +185,6 @@ fn attention_sample(row: &Row, weight: f32) -> Option<QSample<'_>> {
         reward: row.reward,
         next: row.next.as_ref().and_then(|step| step.observation.as_ref()),
         weight,
+        imitated: row.episode_success,
     })
 }

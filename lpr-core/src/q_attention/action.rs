@@ -181,7 +181,13 @@ const REFERENCE_GRASP: Quat = Quat::from_xyzw(0.984_807_7, 0.173_648_18, 0.0, 0.
 /// Of the two grip poses that grasp the same, 180° about the approach apart, the one nearer to the start orientation.
 #[must_use]
 pub fn canonical_grasp(pose: Pose3) -> Pose3 {
-    let reference_from_grip = REFERENCE_GRASP.inverse() * pose.rotation;
+    nearest_grasp(pose, REFERENCE_GRASP)
+}
+
+/// Of the two grip poses that grasp the same, 180° about the approach apart, the one whose orientation is nearer to `reference`.
+#[must_use]
+pub fn nearest_grasp(pose: Pose3, reference: Quat) -> Pose3 {
+    let reference_from_grip = reference.inverse() * pose.rotation;
     // Turning by 180° about z swaps w and z: the angle to the reference is the smaller the larger |w| is.
     let turn = if reference_from_grip.w.abs() < reference_from_grip.z.abs() {
         Quat::from_xyzw(0.0, 0.0, 1.0, 0.0)

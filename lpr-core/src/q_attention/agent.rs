@@ -1,9 +1,9 @@
 //! The agent: one online and one target network per depth, acting from the coarse grid to the fine one, learning by updates.
 
 use super::batch::{Augmented, QSample};
-use super::loss::{Choices, Regularisation, chosen_values, depth_loss, td_target};
+use super::loss::{Choices, LossWeights, Rows, chosen_values, depth_loss, td_target};
 use super::network::{Heads, NetworkCost, NetworkInput, QNetwork, QValues};
-use super::{ActionCodec, DiscreteAction, NetworkSettings, NextBestPose, QAttentionSettings, QObservation};
+use super::{ActionCodec, DiscreteAction, NetworkSettings, NextBestPose, QAttentionSettings, QObservation, nearest_grasp};
 use crate::error::{Error, Result};
 use crate::nn::{
     Adam, AdamSettings, AdamState, Backend, GradientClip, NamedTensor, export, import, mix, tensor, values as floats,
@@ -169,7 +169,7 @@ impl QAttention {
             last = Some((values, best));
         }
         let (values, best) = last.expect("there is at least one depth");
-        self.decision(depths, voxels, values, &best)
+        self.decision(observation, depths, voxels, values, &best)
     }
 
     /// Everything that learns: what a checkpoint holds.
@@ -204,7 +204,14 @@ impl QAttention {
         Ok(())
     }
 
-    fn decision(&self, depths: Vec<DepthDecision>, voxels: Vec<VoxelIndex>, values: QValues, best: &Choices) -> QDecision {
+    fn decision(
+        &self,
+        observation: &QObservation,
+        depths: Vec<DepthDecision>,
+        voxels: Vec<VoxelIndex>,
+        values: QValues,
+        best: &Choices,
+    ) -> QDecision {
         let value = floats(chosen_values(&values, best).mean())[0];
         let pose = values.pose.expect("the last depth values rotation and gripper");
         let (bins, command) = best.pose.clone().expect("the last depth chooses rotation and gripper");
@@ -217,8 +224,11 @@ impl QAttention {
             rotation[axis * n_bins..(axis + 1) * n_bins].to_vec()
         };
         let gripper = floats(pose.gripper);
+        let goal = self.codec.decode(&action);
+        // Labels do not tell the two turns of a grasp apart; turning needlessly would twist what the hand holds.
+        let pose = nearest_grasp(goal.pose, observation.proprio.grip.rotation);
         QDecision {
-            goal: self.codec.decode(&action),
+            goal: NextBestPose { pose, ..goal },
             action,
             value,
             depths,
@@ -301,17 +311,19 @@ impl QAttention {
         let input = network_input(&grids.iter().collect::<Vec<_>>(), &proprio, self.settings.network, &device);
         let n = batch.len();
         let weights = batch.iter().map(|sample| sample.sample.weight).collect();
+        let imitated = batch.iter().map(|sample| f32::from(u8::from(sample.sample.imitated))).collect();
 
         let depth = &mut self.depths[depth_idx];
         let leaves = depth.online.clone().train();
         let values = leaves.forward(input);
         let choices = labels(depth_idx, batch, values.pose.is_some(), &device);
-        let regularisation = Regularisation {
+        let loss_weights = LossWeights {
             translation: self.settings.translation_regularisation[depth_idx],
             rotation: self.settings.rotation_regularisation,
+            imitation: self.settings.imitation,
         };
-        let [targets, weights] = [targets, weights].map(|column| tensor(column, [n], &device));
-        let loss = depth_loss(&values, &choices, targets, weights, regularisation);
+        let [targets, weights, imitated] = [targets, weights, imitated].map(|column| tensor(column, [n], &device));
+        let loss = depth_loss(&values, &choices, Rows { targets, weights, imitated }, loss_weights);
         let gradients = loss.total.backward();
         depth.online = depth.adam.step(depth.online.clone(), &leaves, gradients);
         depth.target = mix(depth.target.clone(), &depth.online, self.settings.target_mix);

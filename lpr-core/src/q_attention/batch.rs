@@ -23,6 +23,8 @@ pub struct QSample<'a> {
     pub next: Option<&'a QObservation>,
     /// Importance weight of prioritised replay.
     pub weight: f32,
+    /// Whether the action is to be imitated: demonstrated, or of an episode that succeeded.
+    pub imitated: bool,
 }
 
 /// One sample as an update uses it.
@@ -125,7 +127,7 @@ mod tests {
     }
 
     fn sample<'a>(observation: &'a QObservation, action: NextBestPose) -> QSample<'a> {
-        QSample { observation, action, reward: 1.0, next: None, weight: 1.0 }
+        QSample { observation, action, reward: 1.0, next: None, weight: 1.0, imitated: true }
     }
 
     proptest! {

@@ -9,9 +9,19 @@
 //!
 //! `k` runs over what a depth chooses: the voxel, and at the last depth also three rotation bins and the gripper. All regress on
 //! the same `y`, and `V'` is the mean over them. Huber is quadratic within 1.
+//!
+//! # Differences from the paper
+//!
+//! Actions of successful episodes can add `λ_d mean_k -log softmax(Q_k / T)(a_k)` ([`Imitation`]; not in the `paper` preset). The
+//! loss above gives a voxel that is right with probability `p` the value `1 - λ_t K / (V p)`, so likely and unlikely neighbours
+//! hardly differ; this term sets them `T log(p / p')` apart. It is a smooth form of the margin of deep Q-learning from
+//! demonstrations (Hester et al. 2018), and the cross-entropy of `PerAct` at `T = 1`. Without it, 160 updates on 10 demonstrations
+//! of `take_lid_off_saucepan` bring none of 40 grasps within 2 cm, with it 30 (`examples/qattention_study.rs`).
 
+use super::Imitation;
 use super::network::{PoseValues, QValues};
 
+use burn::tensor::activation::log_softmax;
 use burn::tensor::{Int, Tensor};
 
 /// What each sample of a batch chose at one depth.
@@ -55,32 +65,55 @@ pub(super) struct DepthLoss {
     pub(super) huber: Tensor<1>,
 }
 
-/// `λ_t` and `λ_r`.
+/// `λ_t`, `λ_r`, and `λ_d` with its `T`.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Regularisation {
+pub(super) struct LossWeights {
     pub(super) translation: f32,
     pub(super) rotation: f32,
+    pub(super) imitation: Option<Imitation>,
 }
 
-/// The loss of one depth; `targets` and `weights` are `[B]`.
-pub(super) fn depth_loss(
-    values: &QValues,
-    choices: &Choices,
-    targets: Tensor<1>,
-    weights: Tensor<1>,
-    regularisation: Regularisation,
-) -> DepthLoss {
+/// One number per sample, `[B]` each.
+#[derive(Debug, Clone)]
+pub(super) struct Rows {
+    /// What the values regress on.
+    pub(super) targets: Tensor<1>,
+    /// Importance weights.
+    pub(super) weights: Tensor<1>,
+    /// 1 for the samples to imitate, else 0.
+    pub(super) imitated: Tensor<1>,
+}
+
+/// The loss of one depth.
+pub(super) fn depth_loss(values: &QValues, choices: &Choices, rows: Rows, loss_weights: LossWeights) -> DepthLoss {
     let chosen = chosen_values(values, choices);
     let [n, n_parts] = chosen.dims();
-    let errors = (chosen - targets.reshape([n, 1]).expand([n, n_parts])).abs();
+    let errors = (chosen - rows.targets.reshape([n, 1]).expand([n, n_parts])).abs();
     let huber = huber(errors).mean_dim(1).reshape([n]);
-    let mut per_sample = huber.clone() + mean_size(values.translation.clone()) * regularisation.translation;
+    let mut per_sample = huber.clone() + mean_size(values.translation.clone()) * loss_weights.translation;
     if let Some(pose) = &values.pose {
         let [_, _, bins] = pose.rotation.dims();
         let all = Tensor::cat(vec![pose.rotation.clone().reshape([n, 3 * bins]), pose.gripper.clone()], 1);
-        per_sample = per_sample + mean_size(all) * regularisation.rotation;
+        per_sample = per_sample + mean_size(all) * loss_weights.rotation;
     }
-    DepthLoss { total: (per_sample * weights).mean(), huber }
+    if let Some(Imitation { weight, temperature }) = loss_weights.imitation {
+        per_sample = per_sample + surprise(values, choices, temperature) * rows.imitated * weight;
+    }
+    DepthLoss { total: (per_sample * rows.weights).mean(), huber }
+}
+
+/// Mean over the parts of `-log softmax(Q / T)` at the choices: `[B]`.
+fn surprise(values: &QValues, choices: &Choices, temperature: f32) -> Tensor<1> {
+    let log_odds = QValues {
+        translation: log_softmax(values.translation.clone() / temperature, 1),
+        pose: values.pose.as_ref().map(|pose| PoseValues {
+            rotation: log_softmax(pose.rotation.clone() / temperature, 2),
+            gripper: log_softmax(pose.gripper.clone() / temperature, 1),
+        }),
+    };
+    let chosen = chosen_values(&log_odds, choices);
+    let [n, _] = chosen.dims();
+    chosen.mean_dim(1).reshape([n]).neg()
 }
 
 /// `e² / 2` within 1, `|e| - 1 / 2` beyond, of absolute errors.
@@ -143,13 +176,16 @@ mod tests {
         let device = Backend::Flex.device();
         let values = values(&device);
         let best = Choices::best(&values);
-        let regularisation = Regularisation { translation: 0.5, rotation: 0.25 };
+        let loss_weights = LossWeights { translation: 0.5, rotation: 0.25, imitation: None };
         let loss = depth_loss(
             &values,
             &best,
-            tensor(vec![1.0, 0.0], [2], &device),
-            tensor(vec![1.0, 0.5], [2], &device),
-            regularisation,
+            Rows {
+                targets: tensor(vec![1.0, 0.0], [2], &device),
+                weights: tensor(vec![1.0, 0.5], [2], &device),
+                imitated: tensor(vec![1.0; 2], [2], &device),
+            },
+            loss_weights,
         );
         // Sample 0 against y = 1: errors 0.1, 1.2, 1, 0.8, 0.5. Sample 1 against y = 0: 2.5, 0.4, 0.6, 0.8, 0.
         let huber = [(0.005 + 0.7 + 0.5 + 0.32 + 0.125) / 5.0, (2.0 + 0.08 + 0.18 + 0.32) / 5.0];
@@ -170,13 +206,36 @@ mod tests {
         let translation = tensor(vec![3.0, 0.5, -2.0, 0.2], [1, 4], &device).require_grad();
         let values = QValues { translation: translation.clone(), pose: None };
         let voxel = Tensor::from_data(TensorData::new(vec![0_i32], [1, 1]), &device);
-        let regularisation = Regularisation { translation: 0.4, rotation: 0.0 };
+        let loss_weights = LossWeights { translation: 0.4, rotation: 0.0, imitation: None };
         let one = tensor(vec![1.0], [1], &device);
-        let loss = depth_loss(&values, &Choices { voxel, pose: None }, one.clone(), one, regularisation);
+        let loss = depth_loss(
+            &values,
+            &Choices { voxel, pose: None },
+            Rows { targets: one.clone(), weights: one.clone(), imitated: one },
+            loss_weights,
+        );
         let gradient = read(translation.grad(&loss.total.backward()).expect("the loss depends on it"));
         // Huber beyond 1 has slope 1 on the chosen voxel; |Q| has slope ±0.1 on all.
         for (found, expected) in gradient.iter().zip([1.1, 0.1, -0.1, 0.1]) {
             assert!((found - expected).abs() < 1e-6, "{gradient:?}");
         }
+    }
+
+    #[test]
+    fn imitation_is_the_cross_entropy_of_the_choices_of_imitated_samples() {
+        let device = Backend::Flex.device();
+        let translation = tensor(vec![0.5, 0.0, 0.2, 0.2], [2, 2], &device);
+        let values = QValues { translation, pose: None };
+        let voxel = Tensor::from_data(TensorData::new(vec![0_i32, 1], [2, 1]), &device);
+        let chosen = tensor(vec![0.5, 0.2], [2], &device);
+        let rows =
+            Rows { targets: chosen, weights: tensor(vec![1.0; 2], [2], &device), imitated: tensor(vec![1.0, 0.0], [2], &device) };
+        let loss_weights =
+            LossWeights { translation: 0.0, rotation: 0.0, imitation: Some(Imitation { weight: 2.0, temperature: 0.25 }) };
+        let loss = depth_loss(&values, &Choices { voxel, pose: None }, rows, loss_weights);
+        // Log odds 2 and 0: -log(1 / (1 + e^-2)), on one of two samples, times 2.
+        let expected = (1.0 + (-2.0_f32).exp()).ln();
+        let found = read(loss.total)[0];
+        assert!((found - expected).abs() < 1e-6, "{found} for {expected}");
     }
 }

@@ -12,7 +12,7 @@ mod network;
 mod observation;
 mod settings;
 
-pub use action::{ActionCodec, DiscreteAction, RotationCodec, canonical, canonical_grasp};
+pub use action::{ActionCodec, DiscreteAction, RotationCodec, canonical, canonical_grasp, nearest_grasp};
 #[cfg(feature = "learn")]
 pub use agent::{DepthDecision, DepthState, QAttention, QAttentionState, QDecision, UpdateReport, Weights};
 #[cfg(feature = "learn")]
@@ -21,7 +21,7 @@ pub use batch::QSample;
 #[cfg(feature = "learn")]
 pub use network::{Heads, NetworkCost, NetworkInput, PoseValues, QNetwork, QValues};
 pub use observation::{QObservation, StoredPoint};
-pub use settings::{NetworkSettings, QAttentionSettings};
+pub use settings::{Imitation, NetworkSettings, QAttentionSettings};
 
 use crate::robot::Gripper;
 use glamx::Pose3;

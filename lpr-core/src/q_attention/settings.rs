@@ -32,6 +32,8 @@ pub struct QAttentionSettings {
     pub translation_regularisation: Vec<f32>,
     /// Weight of the mean absolute value of all rotation and gripper values (released: 1); the same rule, over all their bins.
     pub rotation_regularisation: f32,
+    /// What actions of successful episodes add to the loss (paper: nothing).
+    pub imitation: Option<Imitation>,
     /// How far the cube of a later depth is moved away from its label at random, as a fraction of its half width (released: 0.75).
     pub crop_jitter: f32,
     /// Largest rotation about the vertical that a sampled observation and its action undergo, radians (released: 0).
@@ -40,6 +42,23 @@ pub struct QAttentionSettings {
     pub shift_range: Vec3,
     /// The networks, one of the same kind per depth.
     pub network: NetworkSettings,
+}
+
+/// The cross-entropy of the actions of successful episodes, demonstrations first of all, under `softmax(Q / T)`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Imitation {
+    /// Its weight in the loss.
+    pub weight: f32,
+    /// `T`: values of twice as likely voxels end up `T log 2` apart.
+    pub temperature: f32,
+}
+
+impl Imitation {
+    fn is_valid(self) -> bool {
+        let Self { weight, temperature } = self;
+        [weight, temperature].iter().all(|number| number.is_finite()) && weight >= 0.0 && temperature > 0.0
+    }
 }
 
 /// Which network values the voxels of one depth, and how wide it is.
@@ -99,6 +118,9 @@ impl QAttentionSettings {
         if !(0.0..1.0).contains(&self.crop_jitter) {
             return fail("crop_jitter must lie in 0..1, or the label could never be inside");
         }
+        if self.imitation.is_some_and(|imitation| !imitation.is_valid()) {
+            return fail("imitation needs a weight of at least 0 and a temperature above 0");
+        }
         if !(0.0..=1.0).contains(&self.discount) || !(0.0..=1.0).contains(&self.target_mix) {
             return fail("discount and target_mix must lie in 0..=1");
         }
@@ -125,6 +147,7 @@ pub(super) mod tests {
             target_mix: 0.02,
             translation_regularisation: vec![1.0; 2],
             rotation_regularisation: 1.0,
+            imitation: None,
             crop_jitter: 0.5,
             yaw_range: 0.5,
             shift_range: Vec3::new(0.1, 0.1, 0.0),
@@ -147,13 +170,14 @@ pub(super) mod tests {
     #[test]
     fn settings_that_cannot_work_are_named() {
         type Change = fn(&mut QAttentionSettings);
-        let cases: [(Change, &str); 6] = [
+        let cases: [(Change, &str); 7] = [
             (|s| s.voxels_per_side = 10, "voxels_per_side"),
             (|s| s.rotation_bins = 30, "rotation_bins"),
             (|s| s.zoom_half_widths = vec![0.0], "zoom_half_widths"),
             (|s| s.translation_regularisation = vec![1.0], "translation_regularisation"),
             (|s| s.crop_jitter = 1.0, "crop_jitter"),
             (|s| s.target_mix = 1.5, "target_mix"),
+            (|s| s.imitation = Some(Imitation { weight: 1.0, temperature: 0.0 }), "imitation"),
         ];
         assert_eq!(test_settings().validate(), Ok(()));
         for (change, name) in cases {

@@ -38,7 +38,7 @@ fn agent(settings: QAttentionSettings) -> QAttention {
 }
 
 fn terminal(scene: &(QObservation, NextBestPose)) -> QSample<'_> {
-    QSample { observation: &scene.0, action: scene.1, reward: 1.0, next: None, weight: 1.0 }
+    QSample { observation: &scene.0, action: scene.1, reward: 1.0, next: None, weight: 1.0, imitated: true }
 }
 
 #[test]
@@ -115,8 +115,24 @@ fn a_decision_is_the_best_of_its_values() {
         assert_eq!(values.len(), 24);
         assert!(values.iter().all(|value| *value <= values[bin]));
     }
-    assert_eq!(agent.codec().decode(&decision.action), decision.goal);
+    let chosen = agent.codec().decode(&decision.action);
+    assert_eq!(decision.goal.pose, nearest_grasp(chosen.pose, scene(0).0.proprio.grip.rotation));
+    assert_eq!((decision.goal.pose.translation, decision.goal.gripper), (chosen.pose.translation, chosen.gripper));
     assert_eq!(agent.act(&scene(0).0, Weights::Target).goal, decision.goal);
+}
+
+#[test]
+fn a_hand_does_not_turn_to_the_other_side_of_the_same_grasp() {
+    let agent = agent(test_settings());
+    let (mut seen, _) = scene(0);
+    let chosen = agent.act(&seen, Weights::Target).goal.pose.rotation;
+    // The hand is already there, on the other side.
+    seen.proprio.grip.rotation = chosen * Quat::from_rotation_z(PI);
+    let again = agent.act(&seen, Weights::Target);
+    let expected = nearest_grasp(agent.codec().decode(&again.action).pose, seen.proprio.grip.rotation);
+    assert_eq!(again.goal.pose, expected);
+    let angle = |rotation: Quat| rotation.angle_between(seen.proprio.grip.rotation);
+    assert!(angle(expected.rotation) <= angle(expected.rotation * Quat::from_rotation_z(PI)));
 }
 
 #[test]
@@ -167,10 +183,11 @@ fn loss_of(network: &QNetwork, device: &burn::tensor::Device) -> Tensor<1> {
             Tensor::from_data(ints(vec![0, 1]), device),
         )),
     };
-    let targets = tensor(vec![1.0, 0.3], [2], device);
-    let weights = tensor(vec![1.0, 0.5], [2], device);
-    let regularisation = loss::Regularisation { translation: 1.0, rotation: 1.0 };
-    depth_loss(&network.forward(input), &choices, targets, weights, regularisation).total
+    let column = |values: Vec<f32>| tensor(values, [2], device);
+    let rows = loss::Rows { targets: column(vec![1.0, 0.3]), weights: column(vec![1.0, 0.5]), imitated: column(vec![1.0, 0.0]) };
+    let loss_weights =
+        loss::LossWeights { translation: 1.0, rotation: 1.0, imitation: Some(Imitation { weight: 0.1, temperature: 0.2 }) };
+    depth_loss(&network.forward(input), &choices, rows, loss_weights).total
 }
 
 fn collect(leaves: &QNetwork, gradients: Gradients) -> Vec<Vec<f32>> {

@@ -65,3 +65,24 @@ pub fn record_demo(env: &SimEnvironment, seed: u64, settings: &DemoSettings) -> 
     let demo = demonstrate(&mut env, &mut stream(seed, Stream::Demo, 0));
     Ok(demo.success.then(|| demo_episodes(&start, &demo, settings)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+    use crate::robot::XARM7;
+    use crate::sim::tasks::TASKS;
+
+    #[test]
+    fn demonstrations_have_the_keyframes_of_their_task_and_braking_is_none() {
+        let config = Config::preset("fast").expect("a preset");
+        for task in TASKS {
+            let env = SimEnvironment::new(task, &XARM7, 0, &["front"], &config.simulator).expect("a scene");
+            for seed in 0..8 {
+                let Some(chains) = record_demo(&env, seed, &config.demos).expect("a scene") else { continue };
+                let whole = chains.first().expect("a chain from the first frame");
+                assert_eq!(whole.steps.len(), task.keyframes, "{} {seed}", task.name);
+            }
+        }
+    }
+}
