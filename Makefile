@@ -20,7 +20,7 @@ test:
 
 # Kills runs 20 times with the demonstrator's poses and 20 times with learned ones; `test` does so 4 times.
 faults:
-	LPR_KILLS=20 cargo nextest run $(ALL) -E 'test(interrupted::)' --no-capture
+	LPR_KILLS=20 cargo nextest run $(ALL) -E 'test(interrupted::)' --profile faults --no-capture
 
 test-doc:
 	cargo test $(ALL) --doc
