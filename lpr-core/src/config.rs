@@ -1,6 +1,7 @@
 //! Every number of a run in one value: the settings of all modules, and whole-file presets that list each of them.
 //!
-//! No number may be negative or not finite, whatever its module; which module refuses what else stands with its settings.
+//! No number may be negative or not finite, whatever its module, and some have a range here; which module refuses what else
+//! stands with its settings.
 
 use crate::demo::DemoSettings;
 use crate::error::{Error, Result};
@@ -20,6 +21,34 @@ const PRESETS: [(&str, &str); 3] = [
     ("fast", include_str!("../presets/fast.toml")),
     ("paper", include_str!("../presets/paper.toml")),
     ("paper-narrow", include_str!("../presets/paper-narrow.toml")),
+];
+
+/// Most outputs of a layer: eight times the widest of the paper.
+const MAX_WIDTH: f64 = 8192.0;
+
+/// Least and greatest value of settings outside of which a module would run out of memory, or fail without naming them.
+const RANGES: [(&str, f64, f64); 21] = [
+    ("candidates.path_len", 2.0, 1000.0),
+    ("candidates.rrt.checks_per_radian", 0.1, 1e4),
+    ("ranker.config_widths", 1.0, MAX_WIDTH),
+    ("ranker.head_widths", 1.0, MAX_WIDTH),
+    ("policy.widths", 1.0, MAX_WIDTH),
+    ("q_attention.voxels_per_side", 4.0, 128.0),
+    ("q_attention.rotation_bins", 4.0, 720.0),
+    ("q_attention.network.channels", 1.0, MAX_WIDTH),
+    ("q_attention.network.bottleneck", 1.0, MAX_WIDTH),
+    ("q_attention.network.cell_channels", 1.0, MAX_WIDTH),
+    ("q_attention.network.block_channels", 1.0, MAX_WIDTH),
+    ("q_attention.network.head_channels", 1.0, MAX_WIDTH),
+    ("q_attention.network.hidden", 1.0, MAX_WIDTH),
+    ("q_attention.network.harmonics", 1.0, 360.0),
+    ("replay.capacity", 1.0, 1e7),
+    ("training.path_batch", 1.0, 65536.0),
+    ("training.cloud_spacing", 1e-3, 1.0),
+    ("timing.max_velocity", 1e-3, 100.0),
+    ("timing.max_acceleration", 1e-3, 1e4),
+    ("simulator.dt", 1e-4, 0.1),
+    ("simulator.solver_iterations", 1.0, 1000.0),
 ];
 
 /// Every setting of an agent, its training and its world.
@@ -110,11 +139,9 @@ fn within(table: &str, error: &Error) -> Error {
 
 /// Refuses numbers that no setting may have, naming the first by its `path`.
 fn check_numbers(value: &toml::Value, path: &str) -> Result<()> {
-    let refuse =
-        |found: &dyn core::fmt::Display| Err(Error::Config(format!("{path}: expected a finite number from 0, found {found}")));
     match value {
-        toml::Value::Integer(number) if *number < 0 => refuse(number),
-        toml::Value::Float(number) if !(number.is_finite() && *number >= 0.0) => refuse(number),
+        toml::Value::Integer(number) => check_number(*number as f64, path),
+        toml::Value::Float(number) => check_number(*number, path),
         toml::Value::Array(values) => {
             values.iter().enumerate().try_for_each(|(idx, value)| check_numbers(value, &format!("{path}[{idx}]")))
         }
@@ -122,6 +149,20 @@ fn check_numbers(value: &toml::Value, path: &str) -> Result<()> {
             let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
             check_numbers(value, &path)
         }),
+        _ => Ok(()),
+    }
+}
+
+fn check_number(number: f64, path: &str) -> Result<()> {
+    if !(number.is_finite() && number >= 0.0) {
+        return Err(Error::Config(format!("{path}: expected a finite number from 0, found {number}")));
+    }
+    // The numbers of a list have the range of the list.
+    let setting = path.split('[').next().unwrap_or(path);
+    match RANGES.iter().find(|(name, ..)| *name == setting) {
+        Some((_, least, most)) if !(*least..=*most).contains(&number) => {
+            Err(Error::Config(format!("{path}: expected {least} to {most}, found {number}")))
+        }
         _ => Ok(()),
     }
 }
@@ -190,5 +231,21 @@ mod tests {
         assert!(refusal("path_batch = 64", "path_batch = 0").contains("training.path_batch"));
         assert!(refusal("first = ", "first = 4").contains("training.exploration"));
         assert!(refusal("cloud_spacing = 0.01", "cloud_spacing = 0").contains("cloud_spacing"));
+        assert!(refusal("widths = [64, 128, 256]", "widths = [64, 0, 256]").contains("ranker.config_widths[1]"));
+        assert!(refusal("cell_channels = 32", "cell_channels = 0").contains("expected 1 to 8192, found 0"));
+    }
+
+    #[test]
+    fn every_range_is_that_of_a_setting_and_holds_its_preset() {
+        let texts = PRESETS.map(|(_, text)| text.parse::<toml::Table>().expect("a preset parses"));
+        for (name, least, most) in RANGES {
+            let in_preset = |table: &toml::Table| {
+                let mut path = name.split('.');
+                let first = table.get(path.next()?)?;
+                path.try_fold(first, |value, key| value.get(key)).cloned()
+            };
+            assert!(texts.iter().any(|table| in_preset(table).is_some()), "no preset has {name}");
+            assert!(least < most, "{name}");
+        }
     }
 }

@@ -8,6 +8,7 @@ use crate::agent::{Action, Agent, Draws};
 use crate::env::{EPISODE_LENGTH, Environment, StepResult};
 use crate::error::Result;
 use crate::path::{CandidateStreams, Source};
+use crate::perception::{Observation, View};
 use crate::train::{demonstrated_goal, execute, failure};
 
 use core::ops::Range;
@@ -32,6 +33,20 @@ pub struct Evaluation {
     /// Environment steps.
     pub steps: u64,
 }
+
+/// What Q-attention is shown instead of what the cameras see: ablations that an agent which uses its eyes must fail.
+///
+/// Proprioception, and the obstacles that paths are checked against, stay those of the scene.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Shown {
+    /// An image in which no pixel sees a point.
+    Blank,
+    /// The start of another scene of the task, whose seed is greater by [`FOREIGN_SEED_OFFSET`].
+    Foreign,
+}
+
+/// From the seed of a scene to that of the scene which [`Shown::Foreign`] shows.
+pub const FOREIGN_SEED_OFFSET: u64 = 1000;
 
 /// An episode of an evaluation.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -114,6 +129,50 @@ pub fn evaluate(
     Ok(evaluation)
 }
 
+/// [`evaluate`] while Q-attention is shown something else than the scene.
+///
+/// # Errors
+///
+/// As [`evaluate`].
+pub fn evaluate_shown<E: Environment + Clone>(
+    agent: &Agent,
+    environment: &mut E,
+    shown: Shown,
+    seeds: Range<u64>,
+    mut on_episode: impl FnMut(&EvaluatedEpisode),
+) -> Result<Evaluation> {
+    let mut evaluation = Evaluation::default();
+    for seed in seeds {
+        let views = shown_views(environment, shown, seed)?;
+        environment.reset(seed)?;
+        let mut run = |environment: &mut _, action: &Action| {
+            evaluation.add_action(action);
+            execute(environment, agent.poses(), action)
+        };
+        let mut decide = |environment: &mut E, streams| {
+            let observation = environment.observe();
+            let attended = Observation { views: views.clone(), proprio: observation.proprio };
+            decide_on(agent, environment, &observation, &attended, streams)
+        };
+        let episode = run_steps(environment, seed, &mut decide, &mut run)?;
+        evaluation.add(&episode);
+        on_episode(&episode);
+    }
+    Ok(evaluation)
+}
+
+/// What Q-attention is shown in every step of the episode of scene `seed`.
+fn shown_views<E: Environment + Clone>(environment: &E, shown: Shown, seed: u64) -> Result<Vec<View>> {
+    let mut environment = environment.clone();
+    match shown {
+        Shown::Blank => Ok(environment.observe().views.into_iter().map(|view| View::empty(view.camera)).collect()),
+        Shown::Foreign => {
+            environment.reset(seed.wrapping_add(FOREIGN_SEED_OFFSET))?;
+            Ok(environment.observe().views)
+        }
+    }
+}
+
 /// One greedy episode in which `run` executes every action.
 fn run_episode<E: Environment>(
     agent: &Agent,
@@ -122,9 +181,19 @@ fn run_episode<E: Environment>(
     run: &mut impl FnMut(&mut E, &Action) -> StepResult,
 ) -> Result<EvaluatedEpisode> {
     environment.reset(seed)?;
+    run_steps(environment, seed, &mut |environment, streams| decide(agent, environment, streams), run)
+}
+
+/// The steps of an episode in which `decide` chooses every action and `run` executes it.
+fn run_steps<E: Environment>(
+    environment: &mut E,
+    seed: u64,
+    decide: &mut impl FnMut(&mut E, CandidateStreams) -> Result<Action>,
+    run: &mut impl FnMut(&mut E, &Action) -> StepResult,
+) -> Result<EvaluatedEpisode> {
     let mut steps = 0;
     loop {
-        let action = decide(agent, environment, CandidateStreams { seed, step: steps })?;
+        let action = decide(environment, CandidateStreams { seed, step: steps })?;
         let result = run(environment, &action);
         steps += 1;
         if result.terminated || result.truncated || steps >= EPISODE_LENGTH as u64 {
@@ -137,15 +206,32 @@ fn run_episode<E: Environment>(
 /// What the agent does now, without exploration.
 fn decide(agent: &Agent, environment: &mut impl Environment, streams: CandidateStreams) -> Result<Action> {
     let observation = environment.observe();
-    let seen = agent.attended(&observation);
+    decide_on(agent, environment, &observation, &observation, streams)
+}
+
+/// [`decide`] in the scene of `observation` while Q-attention looks at `attended`.
+fn decide_on(
+    agent: &Agent,
+    environment: &impl Environment,
+    observation: &Observation,
+    attended: &Observation,
+    streams: CandidateStreams,
+) -> Result<Action> {
+    let seen = agent.attended(attended);
     let learned = seen.as_ref().and_then(|seen| agent.goal(seen));
     let goal = learned.map_or_else(|| demonstrated_goal(environment), Ok)?;
-    agent.act(&observation, goal, Draws::greedy(streams))
+    agent.act(observation, goal, Draws::greedy(streams))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::agent::{Method, PoseSource};
+    use crate::q_attention::{NetworkSettings, NextBestPose};
+    use crate::robot::PANDA;
+    use crate::toy::Toy;
+    use crate::train::tests::{config, run, trainer};
+    use crate::train::{Run, Trainer, demonstration_scene};
     use proptest::prelude::{prop_assert, proptest};
 
     #[test]
@@ -173,6 +259,62 @@ mod tests {
                 let [more_low, more_high] = wilson_interval(4 * successes, 4 * trials, Z_95);
                 prop_assert!(more_high - more_low < high - low);
             }
+        }
+    }
+
+    /// A trainer whose agent has learned a little of where to look.
+    fn attentive() -> Trainer<Toy> {
+        let mut config = config();
+        config.q_attention.voxels_per_side = 8;
+        config.q_attention.rotation_bins = 24;
+        config.q_attention.network =
+            NetworkSettings::Fast { cell_channels: 8, block_channels: 12, head_channels: 4, hidden: 16, harmonics: 4 };
+        config.training.q_attention_batch = 4;
+        let run = Run { poses: PoseSource::Learned, ..run(Method::Linear, 3) };
+        let mut trainer = Trainer::new(config, run, Toy::new(&PANDA)).expect("valid settings");
+        for seed in 0..3 {
+            let demo = Toy::new(&PANDA).demonstration(demonstration_scene(3, seed)).expect("within reach");
+            trainer.add_demonstration(&demo).expect("two keyframes");
+        }
+        while trainer.demonstration_updates_left() > 0 {
+            trainer.update().expect("finite losses");
+        }
+        trainer
+    }
+
+    /// The pose that the agent comes to at the start of scene `seed`, and how it values every voxel of every depth.
+    fn first_pose(agent: &Agent, shown: Option<Shown>, seed: u64) -> (NextBestPose, Vec<Vec<f32>>) {
+        let mut toy = Toy::new(&PANDA);
+        let views = shown.map(|shown| shown_views(&toy, shown, seed).expect("within reach"));
+        toy.reset(seed).expect("within reach");
+        let observation = toy.observe();
+        let attended = Observation { views: views.unwrap_or_else(|| observation.views.clone()), ..observation.clone() };
+        let streams = CandidateStreams { seed, step: 0 };
+        let action = decide_on(agent, &toy, &observation, &attended, streams).expect("finite values");
+        let depths = action.attention.expect("poses are learned").depths;
+        (action.goal, depths.into_iter().map(|depth| depth.values).collect())
+    }
+
+    #[test]
+    fn a_foreign_cloud_leads_to_the_pose_of_its_scene_and_a_blank_one_to_one_pose_everywhere() {
+        let trainer = attentive();
+        let agent = trainer.agent();
+        let blank = first_pose(agent, Some(Shown::Blank), 0);
+        for seed in 0..4 {
+            let own = first_pose(agent, None, seed);
+            let foreign = first_pose(agent, Some(Shown::Foreign), seed);
+            assert_eq!(foreign, first_pose(agent, None, seed + FOREIGN_SEED_OFFSET));
+            assert_eq!(first_pose(agent, Some(Shown::Blank), seed), blank);
+            assert!(own != foreign && own != blank, "the agent looks at the scene");
+        }
+    }
+
+    #[test]
+    fn an_agent_with_the_demonstrators_poses_does_what_it_did_whatever_is_shown() {
+        let trainer = trainer(config(), Method::Lpr, 1);
+        let own = evaluate(trainer.agent(), &mut Toy::new(&PANDA), 1000..1006, |_| ());
+        for shown in [Shown::Blank, Shown::Foreign] {
+            assert_eq!(evaluate_shown(trainer.agent(), &mut Toy::new(&PANDA), shown, 1000..1006, |_| ()), own);
         }
     }
 }

@@ -14,6 +14,9 @@ use thiserror::Error;
 /// Most bytes of JSON that are read from one file, after decompression: 256 MiB, 25 times a long demonstration with images.
 pub const MAX_JSON_BYTES: u64 = 256 << 20;
 
+/// How names of files and directories end that are not whole yet.
+const PARTIAL: &str = ".partial";
+
 /// What went wrong with a file; each message begins with its path.
 #[derive(Debug, Error)]
 pub enum FileError {
@@ -71,7 +74,7 @@ pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Re
 fn replace_file(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     let directory = parent(path);
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".").suffix(".partial");
+    builder.prefix(".").suffix(PARTIAL);
     // The default of 0600 would make results unreadable to others; the process's umask applies to this one.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
@@ -98,7 +101,7 @@ pub fn write_directory_atomically<E: From<FileError>>(
     let directory = parent(path);
     fs::create_dir_all(directory).map_err(FileError::io("create", directory))?;
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".").suffix(".partial");
+    builder.prefix(".").suffix(PARTIAL);
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o777));
     let partial = builder.tempdir_in(directory).map_err(FileError::io("create", path))?;
@@ -133,6 +136,23 @@ pub fn refuse_non_empty(path: &Path) -> Result<()> {
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
         Err(error) => Err(FileError::io("create", path)(error)),
     }
+}
+
+/// Removes what [`write_atomically`] and [`write_directory_atomically`] left in `directory` when the program was killed in them.
+///
+/// # Errors
+///
+/// When the directory cannot be looked into, or something in it cannot be removed.
+pub fn remove_partial(directory: &Path) -> Result<()> {
+    for entry in fs::read_dir(directory).map_err(FileError::io("read", directory))? {
+        let path = entry.map_err(FileError::io("read", directory))?.path();
+        let name = path.file_name().and_then(OsStr::to_str).unwrap_or_default();
+        if name.starts_with('.') && name.ends_with(PARTIAL) {
+            let removed = if path.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
+            removed.map_err(FileError::io("delete", &path))?;
+        }
+    }
+    Ok(())
 }
 
 /// Reads JSON of at most [`MAX_JSON_BYTES`]; a name that ends in `.gz` is decompressed first.
@@ -289,6 +309,17 @@ mod tests {
         assert_eq!(names(path.parent().unwrap()), ["run"]);
         let error = write_directory_atomically(&path, fill).unwrap_err();
         assert!(error.to_string().contains("is not empty"), "{error}");
+    }
+
+    #[test]
+    fn what_a_killed_program_left_is_removed_and_nothing_else() {
+        let root = tempfile::tempdir().unwrap();
+        fs::create_dir(root.path().join(".Ab3.partial")).unwrap();
+        for name in [".Ab3.partial/a.json", ".x.partial", "a.partial", ".hidden"] {
+            fs::write(root.path().join(name), "{").unwrap();
+        }
+        remove_partial(root.path()).unwrap();
+        assert_eq!(names(root.path()), [".hidden", "a.partial"]);
     }
 
     #[test]

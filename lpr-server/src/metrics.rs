@@ -61,6 +61,21 @@ impl MetricsWriter {
     }
 }
 
+/// The environment step and the value of every log point that has metric `name`.
+///
+/// # Errors
+///
+/// When the file in `run_directory` cannot be read.
+pub fn history(run_directory: &Path, name: &str) -> Result<Vec<(u64, f64)>> {
+    let path = run_directory.join(FILE_NAME);
+    let text = std::fs::read_to_string(&path).map_err(FileError::io("read", &path))?;
+    let point = |line: &str| {
+        let point: Map<String, Value> = serde_json::from_str(line).ok()?;
+        Some((point.get(STEP_KEY)?.as_u64()?, point.get(name)?.as_f64()?))
+    };
+    Ok(text.lines().filter_map(point).collect())
+}
+
 fn env_step(line: &str) -> Option<u64> {
     serde_json::from_str::<Map<String, Value>>(line).ok()?.get(STEP_KEY)?.as_u64()
 }
@@ -95,6 +110,16 @@ mod tests {
         writer.write(21, &[]).unwrap();
         let steps: Vec<_> = lines(run.path()).iter().map(|line| line[STEP_KEY].as_u64().unwrap()).collect();
         assert_eq!(steps, [10, 20, 21]);
+    }
+
+    #[test]
+    fn the_history_of_a_metric_leaves_out_points_without_it() {
+        let run = tempfile::tempdir().unwrap();
+        let mut writer = MetricsWriter::create(run.path()).unwrap();
+        writer.write(0, &[("q", 0.5)]).unwrap();
+        writer.write(1, &[("r", 2.0)]).unwrap();
+        writer.write(1, &[("q", 0.25)]).unwrap();
+        assert_eq!(history(run.path(), "q").unwrap(), [(0, 0.5), (1, 0.25)]);
     }
 
     #[test]

@@ -1,10 +1,11 @@
 //! The directory of a training run: configuration, metrics, checkpoints and summary.
 
 use crate::files::{self, FileError};
-use lpr_core::checkpoint::Checkpoint;
+use lpr_core::Error;
+use lpr_core::checkpoint::{Checkpoint, SavedAgent, load_agent};
 use serde::Serialize;
-use std::fs;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 const CHECKPOINTS: &str = "checkpoints";
 const WEIGHTS: &str = "weights.safetensors";
@@ -48,6 +49,16 @@ pub fn save(directory: &Path, env_step: u64, checkpoint: &Checkpoint) -> Result<
     Ok(())
 }
 
+/// Removes what a killed run left unfinished.
+///
+/// # Errors
+///
+/// When it cannot be removed.
+pub fn clean(directory: &Path) -> Result<()> {
+    files::remove_partial(directory)?;
+    files::remove_partial(&directory.join(CHECKPOINTS))
+}
+
 /// The newest checkpoint of a run with its environment step.
 ///
 /// # Errors
@@ -66,6 +77,26 @@ pub fn latest(directory: &Path) -> Result<(u64, Checkpoint)> {
     Ok((*step, Checkpoint { weights: read(WEIGHTS)?, state: read(STATE)? }))
 }
 
+/// The agent of a run's newest checkpoint.
+///
+/// # Errors
+///
+/// When there is none, or when it cannot be read: the message names the file.
+pub fn latest_agent(directory: &Path) -> Result<SavedAgent> {
+    let (step, checkpoint) = latest(directory)?;
+    load_agent(&checkpoint.weights).map_err(|error| unusable(directory, step, &error))
+}
+
+/// What is wrong with the checkpoint of `env_step`, with the file at fault.
+#[must_use]
+pub fn unusable(directory: &Path, env_step: u64, error: &Error) -> FileError {
+    let checkpoint = checkpoint_path(directory, env_step);
+    let Error::Checkpoint(reason) = error else { return FileError::content(&checkpoint, error.to_string()) };
+    let of_file = |part: &str, file: &str| Some(FileError::content(&checkpoint.join(file), reason.strip_prefix(part)?));
+    let of_one = of_file("weights: ", WEIGHTS).or_else(|| of_file("state: ", STATE));
+    of_one.unwrap_or_else(|| FileError::content(&checkpoint, reason.as_str()))
+}
+
 /// Writes `summary.json`.
 ///
 /// # Errors
@@ -82,7 +113,10 @@ fn checkpoint_path(directory: &Path, env_step: u64) -> PathBuf {
 /// Environment steps of the checkpoints, ascending.
 fn checkpoint_steps(directory: &Path) -> Result<Vec<u64>> {
     let checkpoints = directory.join(CHECKPOINTS);
-    let entries = fs::read_dir(&checkpoints).map_err(FileError::io("read", &checkpoints))?;
+    let entries = match fs::read_dir(&checkpoints) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+        entries => entries.map_err(FileError::io("read", &checkpoints))?,
+    };
     let mut steps: Vec<u64> = entries.filter_map(|entry| entry.ok()?.file_name().to_str()?.parse().ok()).collect();
     steps.sort_unstable();
     Ok(steps)

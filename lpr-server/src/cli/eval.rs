@@ -1,22 +1,23 @@
 //! `lpr eval`: greedy evaluation of a run, or of a method with the demonstrator's poses.
 
 use super::train::load_config;
-use super::{Failure, Result, RobotArgument};
+use super::{Failure, Result};
+use crate::files::FileError;
 use crate::run_directory;
-use clap::Args;
+use clap::{Args, ValueEnum};
 use core::fmt;
+use core::ops::Range;
 use lpr_core::agent::{Agent, Init, Method, Networks, PoseSource};
-use lpr_core::checkpoint::load_agent;
 use lpr_core::config::Config;
-use lpr_core::evaluate::{Evaluation, best_of_all, evaluate, measure_regret};
+use lpr_core::evaluate::{Evaluation, Shown, best_of_all, evaluate, evaluate_shown, measure_regret};
 use lpr_core::nn::Backend;
 use lpr_core::path::Source;
-use lpr_core::robot::Robot;
+use lpr_core::robot::{ROBOTS, Robot};
 use lpr_core::sim::tasks::Task;
 use lpr_core::sim::{EpisodeLimit, SimEnvironment};
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Name of the oracle among the methods.
 const BEST_OF_ALL: &str = "best-of-all";
@@ -41,11 +42,34 @@ pub(super) struct Arguments {
     /// Run directory whose weights rank paths
     #[arg(long, requires = "oracle_poses")]
     checkpoint: Option<PathBuf>,
-    #[command(flatten)]
-    robot: RobotArgument,
+    /// The arm: xarm7 or panda [default: that of the run, else xarm7]
+    #[arg(long, value_name = "NAME", value_parser = Robot::by_name)]
+    robot: Option<&'static Robot>,
+    /// What the choice of poses looks at: what the cameras see, an image without points, or the start of another scene
+    #[arg(long, value_enum, default_value_t = Observations::Own)]
+    observations: Observations,
     /// Execute every candidate too: how far the chosen stays behind the best of all
     #[arg(long)]
     regret: bool,
+}
+
+/// What the choice of poses looks at; the other two are ablations that an agent which uses its eyes must fail.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Observations {
+    Own,
+    Blank,
+    Foreign,
+}
+
+impl Observations {
+    const fn shown(self) -> Option<Shown> {
+        match self {
+            Self::Own => None,
+            Self::Blank => Some(Shown::Blank),
+            Self::Foreign => Some(Shown::Foreign),
+        }
+    }
 }
 
 /// What `lpr eval` reports.
@@ -53,6 +77,7 @@ pub(super) struct Arguments {
 pub(super) struct EvalReport {
     task: String,
     method: String,
+    observations: Observations,
     episodes: u64,
     successes: u64,
     success_rate: f64,
@@ -88,6 +113,7 @@ pub(super) fn evaluation_report(task: &str, method: &str, found: &Evaluation) ->
     EvalReport {
         task: task.to_owned(),
         method: method.to_owned(),
+        observations: Observations::Own,
         episodes: found.episodes,
         successes: found.successes,
         success_rate: found.success_rate(),
@@ -110,19 +136,32 @@ const fn source_name(source: Source) -> &'static str {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<EvalReport> {
-    let Subject { agent, task, robot, config, method, poses } = subject(arguments)?;
-    let mut environment = simulator(task, robot, poses, &config)?;
-    let seeds = arguments.seed..arguments.seed + arguments.episodes;
-    let found = if method == BEST_OF_ALL {
-        best_of_all(&agent, &mut environment, seeds.clone(), |_| {})?
-    } else {
-        evaluate(&agent, &mut environment, seeds.clone(), |_| {})?
+    let seeds = scene_seeds(arguments)?;
+    let Subject { agent, task, robot, config, method } = subject(arguments)?;
+    let mut environment = simulator(task, robot, agent.poses(), &config)?;
+    let best = method == BEST_OF_ALL;
+    let found = match arguments.observations.shown() {
+        Some(_) if agent.poses() == PoseSource::Oracle || best || arguments.regret => {
+            let reason = "--observations: is for poses that a run has learned to see, without --oracle-poses and --regret";
+            return Err(Failure::Usage(reason.to_owned()));
+        }
+        Some(shown) => evaluate_shown(&agent, &mut environment, shown, seeds.clone(), |_| {})?,
+        None if best => best_of_all(&agent, &mut environment, seeds.clone(), |_| {})?,
+        None => evaluate(&agent, &mut environment, seeds.clone(), |_| {})?,
     };
     let mut report = evaluation_report(task.name, &method, &found);
+    report.observations = arguments.observations;
     if arguments.regret {
         report.regret = measure_regret(&agent, &mut environment, seeds)?.mean();
     }
     Ok(report)
+}
+
+fn scene_seeds(arguments: &Arguments) -> Result<Range<u64>> {
+    let Arguments { seed, episodes, .. } = arguments;
+    let end = seed.checked_add(*episodes);
+    let too_large = || Failure::Usage(format!("--seed {seed}: leaves no {episodes} scene seeds below 2^64"));
+    Ok(*seed..end.ok_or_else(too_large)?)
 }
 
 /// What is evaluated.
@@ -132,36 +171,66 @@ struct Subject {
     robot: &'static Robot,
     config: Config,
     method: String,
-    poses: PoseSource,
 }
 
 fn subject(arguments: &Arguments) -> Result<Subject> {
-    let run = arguments.checkpoint.clone().or_else(|| (!arguments.oracle_poses).then(|| PathBuf::from(&arguments.subject)));
-    let Some(run) = run else { return untrained(arguments) };
-    let (_, checkpoint) = run_directory::latest(&run)?;
-    let saved = load_agent(&checkpoint.weights)?;
-    let task = Task::by_name(&saved.header.run.task)?;
-    let robot = Robot::by_name(&saved.header.robot)?;
-    let method = saved.header.run.method.name().to_owned();
-    let poses = saved.header.run.poses;
-    Ok(Subject { agent: saved.agent, task, robot, config: saved.header.config, method, poses })
+    match &arguments.checkpoint {
+        Some(run) => {
+            let task = task(&arguments.subject)?;
+            let subject = trained(arguments, run)?;
+            if subject.task.name == task.name { Ok(subject) } else { Err(foreign(run, "task", subject.task.name, task.name)) }
+        }
+        None if arguments.oracle_poses => untrained(arguments),
+        None => trained(arguments, Path::new(&arguments.subject)),
+    }
+}
+
+/// The newest checkpoint of a run.
+fn trained(arguments: &Arguments, run: &Path) -> Result<Subject> {
+    let mut saved = run_directory::latest_agent(run)?;
+    let task = Task::by_name(&saved.header.run.task).map_err(|error| FileError::content(run, error.to_string()))?;
+    let robot = saved.agent.robot();
+    if let Some(asked) = arguments.robot
+        && asked.name != robot.name
+    {
+        return Err(foreign(run, "robot", robot.name, asked.name));
+    }
+    let own = saved.agent.method().name();
+    let method = arguments.method.as_deref().unwrap_or(own);
+    if method != own && method != BEST_OF_ALL {
+        return Err(foreign(run, "method", own, method));
+    }
+    if arguments.oracle_poses {
+        saved.agent.networks.q_attention = None;
+    }
+    let method = method.to_owned();
+    Ok(Subject { agent: saved.agent, task, robot, config: saved.header.config, method })
+}
+
+fn foreign(run: &Path, option: &str, found: &str, asked: &str) -> Failure {
+    FileError::content(run, format!("is a run of {option} `{found}`, asked to evaluate `{asked}`")).into()
+}
+
+fn task(name: &str) -> Result<&'static Task> {
+    Task::by_name(name).map_err(|error| Failure::Usage(error.to_string()))
 }
 
 /// A method without weights, on the demonstrator's poses.
 fn untrained(arguments: &Arguments) -> Result<Subject> {
-    let task = Task::by_name(&arguments.subject)?;
-    let robot = arguments.robot.robot;
+    let task = task(&arguments.subject)?;
+    let robot = arguments.robot.unwrap_or(ROBOTS[0]);
     let config = load_config("fast")?;
     let name = arguments.method.clone().unwrap_or_else(|| Method::C2fArm.name().to_owned());
-    let method = if name == BEST_OF_ALL { Method::Random } else { Method::by_name(&name)? };
+    let unknown = |error: lpr_core::Error| Failure::Usage(format!("{error}, {BEST_OF_ALL}"));
+    let method = if name == BEST_OF_ALL { Method::Random } else { Method::by_name(&name).map_err(unknown)? };
     if method.has_ranker() {
-        let reason = format!("method `{name}` needs --checkpoint: a ranker without weights chooses at random");
-        return Err(Failure::Core(lpr_core::Error::Config(reason)));
+        let reason = format!("--method {name}: needs --checkpoint: a ranker without weights chooses at random");
+        return Err(Failure::Usage(reason));
     }
     let init = Init { backend: Backend::Flex, seed: arguments.seed };
     let networks = Networks::new(&config, robot, method, PoseSource::Oracle, init)?;
     let agent = Agent::new(&config, robot, method, networks);
-    Ok(Subject { agent, task, robot, config, method: name, poses: PoseSource::Oracle })
+    Ok(Subject { agent, task, robot, config, method: name })
 }
 
 impl fmt::Display for EvalReport {
@@ -170,6 +239,11 @@ impl fmt::Display for EvalReport {
         let rate = 100.0 * self.success_rate;
         let Self { task, method, episodes, successes, .. } = self;
         writeln!(f, "{task} with {method}: {successes} of {episodes} episodes, {rate:.0} % (95 %: {low:.0} to {high:.0})")?;
+        match self.observations {
+            Observations::Own => {}
+            Observations::Blank => writeln!(f, "poses chosen without any point of the scene")?,
+            Observations::Foreign => writeln!(f, "poses chosen from the points of another scene")?,
+        }
         if let Some(regret) = self.regret {
             writeln!(f, "regret to the best of all candidates: {:.0} points", 100.0 * regret)?;
         }

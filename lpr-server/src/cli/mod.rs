@@ -147,6 +147,11 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
         Some(command) => command.run(format),
         None => print_line(INTRODUCTION),
     };
+    exit_status(done)
+}
+
+/// The exit status of a command, after saying why it failed.
+fn exit_status(done: Result<()>) -> ExitCode {
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
@@ -159,7 +164,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
 /// Answers wrong usage with status 2, and `--help` and `--version`, which clap also calls errors, with 0.
 fn refuse(error: &clap::Error) -> ExitCode {
     if !error.use_stderr() {
-        return if print_line(error.to_string().trim_end()).is_ok() { ExitCode::SUCCESS } else { ExitCode::FAILURE };
+        return exit_status(print_line(error.to_string().trim_end()));
     }
     // clap's message is followed by paragraphs of tips, usage and a pointer to --help.
     let message = error.to_string();

@@ -2,8 +2,8 @@
 
 use super::eval::{EvalReport, evaluation_report, simulator};
 use super::{Failure, Result, RobotArgument};
-use crate::files::FileError;
-use crate::metrics::MetricsWriter;
+use crate::files::{self, FileError};
+use crate::metrics::{self, MetricsWriter};
 use crate::run_directory;
 use crate::tensorboard::EventWriter;
 use clap::Args;
@@ -96,10 +96,10 @@ struct ValidationPoint {
     success_rate: f64,
 }
 
-impl From<&Evaluation> for ValidationPoint {
-    fn from(evaluation: &Evaluation) -> Self {
-        let Evaluation { episodes, successes, .. } = *evaluation;
-        Self { episodes, successes, success_rate: evaluation.success_rate() }
+impl ValidationPoint {
+    fn new(episodes: u64, successes: u64) -> Self {
+        let found = Evaluation { episodes, successes, ..Evaluation::default() };
+        Self { episodes, successes, success_rate: found.success_rate() }
     }
 }
 
@@ -140,7 +140,8 @@ fn say(text: &str) {
 /// The preset of that name, or the file of that path.
 pub(super) fn load_config(preset: &str) -> Result<Config> {
     let path = Path::new(preset);
-    if !path.exists() {
+    // A run that is called `fast` does not hide the preset.
+    if Config::preset_names().any(|name| name == preset) || !path.exists() {
         return Ok(Config::preset(preset)?);
     }
     let text = std::fs::read_to_string(path).map_err(FileError::io("read", path))?;
@@ -162,9 +163,11 @@ impl<'a> Session<'a> {
             backend: Backend::Flex,
             seed: arguments.seed,
         };
-        run_directory::create(&arguments.out, &config.to_toml())?;
+        files::refuse_non_empty(&arguments.out)?;
         let mut trainer = Trainer::new(config, run, environment.clone())?;
         add_demonstrations(&mut trainer, &environment)?;
+        // Not before: settings that cannot work leave nothing behind.
+        run_directory::create(&arguments.out, &trainer.config().to_toml())?;
         let metrics = MetricsWriter::create(&arguments.out)?;
         let events = EventWriter::create(&arguments.out, wall_clock())?;
         let mut session = Self::new(arguments, trainer, environment, metrics, events);
@@ -174,17 +177,32 @@ impl<'a> Session<'a> {
 
     fn resume(arguments: &'a Arguments) -> Result<Self> {
         let (step, checkpoint) = run_directory::latest(&arguments.out)?;
-        let header = lpr_core::checkpoint::read_header(&checkpoint.weights)?;
-        if header.run.task != arguments.task.name {
-            let (found, asked) = (&header.run.task, arguments.task.name);
-            return Err(lpr_core::Error::Checkpoint(format!("of task `{found}`, asked to resume `{asked}`")).into());
-        }
+        let unusable = |error| run_directory::unusable(&arguments.out, step, &error);
+        let header = lpr_core::checkpoint::read_header(&checkpoint.weights).map_err(unusable)?;
+        refuse_other_run(arguments, &header.run).map_err(unusable)?;
         let environment = simulator(arguments.task, arguments.robot.robot, header.run.poses, &header.config)?;
-        let trainer = Trainer::resume(&checkpoint, environment.clone())?;
+        let trainer = Trainer::resume(&checkpoint, environment.clone()).map_err(unusable)?;
+        run_directory::clean(&arguments.out)?;
         let metrics = MetricsWriter::resume(&arguments.out, step)?;
         let events = EventWriter::resume(&arguments.out, step)?;
         say(&format!("resumed at environment step {step}"));
-        Ok(Self::new(arguments, trainer, environment, metrics, events))
+        let mut session = Self::new(arguments, trainer, environment, metrics, events);
+        session.recall_validations()?;
+        Ok(session)
+    }
+
+    /// What the validations before the checkpoint found: it decides when to stop, and the first is reported.
+    fn recall_validations(&mut self) -> Result<()> {
+        let episodes = metrics::history(&self.arguments.out, "validation/episodes")?;
+        let successes = metrics::history(&self.arguments.out, "validation/successes")?;
+        for ((step, episodes), (_, successes)) in episodes.into_iter().zip(successes) {
+            let validation = ValidationPoint::new(episodes as u64, successes as u64);
+            match step {
+                0 => self.demonstrations_only = Some(validation),
+                _ => self.count_validation(&validation),
+            }
+        }
+        Ok(())
     }
 
     fn new(
@@ -228,10 +246,14 @@ impl<'a> Session<'a> {
                 let validation = self.validate()?;
                 self.report_progress(steps, &validation);
                 self.save()?;
-                let good = validation.success_rate >= GOOD_ENOUGH;
-                self.good_validations = if good { self.good_validations + 1 } else { 0 };
+                self.count_validation(&validation);
             }
         }
+    }
+
+    fn count_validation(&mut self, validation: &ValidationPoint) {
+        let good = validation.success_rate >= GOOD_ENOUGH;
+        self.good_validations = if good { self.good_validations + 1 } else { 0 };
     }
 
     fn reason_to_stop(&self) -> Option<&'static str> {
@@ -253,7 +275,21 @@ impl<'a> Session<'a> {
         let n = self.trainer.config().training.validation_episodes;
         let seeds = VALIDATION_SEEDS..VALIDATION_SEEDS + n;
         let found = evaluate(self.trainer.agent(), &mut self.environment, seeds, |_| {})?;
-        Ok(ValidationPoint::from(&found))
+        let validation = ValidationPoint::new(found.episodes, found.successes);
+        self.write_validation(&validation)?;
+        Ok(validation)
+    }
+
+    fn write_validation(&mut self, validation: &ValidationPoint) -> Result<()> {
+        let ValidationPoint { episodes, successes, success_rate } = *validation;
+        let values = [
+            ("validation/episodes", episodes as f64),
+            ("validation/successes", successes as f64),
+            ("validation/success_rate", success_rate),
+        ];
+        let step = self.trainer.progress().env_steps;
+        self.metrics.write(step, &values)?;
+        Ok(self.events.write_scalars(step, wall_clock(), &values.map(|(name, value)| (name, value as f32)))?)
     }
 
     fn write(&mut self, log: &StepLog) -> Result<()> {
@@ -303,6 +339,26 @@ impl<'a> Session<'a> {
         run_directory::write_summary(&self.arguments.out, &report)?;
         Ok(report)
     }
+}
+
+/// Refuses to go on with a run of other options than those that are given. Options with their default value may be left out.
+fn refuse_other_run(arguments: &Arguments, run: &Run) -> lpr_core::Result<()> {
+    let differs = |option: &str, found: &dyn fmt::Display, asked: &dyn fmt::Display| {
+        Err(lpr_core::Error::Checkpoint(format!("of {option} `{found}`, asked to resume `{asked}`")))
+    };
+    if run.task != arguments.task.name {
+        return differs("task", &run.task, &arguments.task.name);
+    }
+    if arguments.method != Method::Lpr && arguments.method != run.method {
+        return differs("method", &run.method.name(), &arguments.method.name());
+    }
+    if arguments.seed != 0 && arguments.seed != run.seed {
+        return differs("seed", &run.seed, &arguments.seed);
+    }
+    if arguments.oracle_poses && run.poses == PoseSource::Learned {
+        return differs("poses", &"learned", &"--oracle-poses");
+    }
+    Ok(())
 }
 
 /// Records demonstrations until the configuration's number has succeeded, each with its augmentation.
