@@ -55,6 +55,8 @@ fn wait_for_partial(child: &mut Child, run: &Path, n: usize) {
         let now = has_partial(run);
         seen += usize::from(now && !inside);
         inside = now;
+        // Short beside the write of a file to disk.
+        sleep(Duration::from_micros(100));
     }
 }
 

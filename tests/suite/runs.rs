@@ -111,6 +111,7 @@ impl Outcome {
         let mut summary = serde_json::from_slice(&fs::read(run.join("summary.json")).unwrap()).unwrap();
         remove_times(&mut summary);
         let mut metrics = metrics(run);
+        assert_time_goes_on(&metrics);
         for point in &mut metrics {
             point.retain(|key, _| !is_time(key));
         }
@@ -152,6 +153,12 @@ pub(crate) fn checkpoints(run: &Path) -> Vec<PathBuf> {
 
 pub(crate) fn newest_checkpoint(run: &Path) -> PathBuf {
     checkpoints(run).pop().unwrap_or_else(|| panic!("{} has no checkpoint", run.display()))
+}
+
+/// A resumed run counts the time before it, too.
+fn assert_time_goes_on(metrics: &[Map<String, Value>]) {
+    let times: Vec<_> = metrics.iter().filter_map(|point| point.get("wall_seconds")?.as_f64()).collect();
+    assert!(times.len() > 1 && times.is_sorted(), "{times:?}");
 }
 
 /// Whether the contract lets the value of `key` depend on time.

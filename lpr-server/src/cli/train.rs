@@ -20,7 +20,7 @@ use lpr_core::train::{Run, StepLog, Trainer, demonstration_scene};
 use serde::Serialize;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
-use std::time::{Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// Scene seeds that stopping and tuning look at.
 const VALIDATION_SEEDS: u64 = 1000;
@@ -187,8 +187,17 @@ impl<'a> Session<'a> {
         let events = EventWriter::resume(&arguments.out, step)?;
         say(&format!("resumed at environment step {step}"));
         let mut session = Self::new(arguments, trainer, environment, metrics, events);
+        session.recall_time()?;
         session.recall_validations()?;
         Ok(session)
+    }
+
+    /// Time goes on from where the checkpoint was made, so that --minutes is a cap on the whole run.
+    fn recall_time(&mut self) -> Result<()> {
+        let seconds = metrics::history(&self.arguments.out, "wall_seconds")?.last().map_or(0.0, |&(_, seconds)| seconds);
+        let earlier = Duration::try_from_secs_f64(seconds).unwrap_or_default();
+        self.started = self.started.checked_sub(earlier).unwrap_or(self.started);
+        Ok(())
     }
 
     /// What the validations before the checkpoint found: it decides when to stop, and the first is reported.
