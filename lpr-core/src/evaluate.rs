@@ -1,8 +1,10 @@
 //! Greedy evaluation over fixed scenes: how often the task is done, with what paths, and why not.
 
 mod best_of_all;
+mod record;
 
 pub use best_of_all::{Regret, best_of_all, measure_regret};
+pub use record::{RecordedStep, record_episode};
 
 use crate::agent::{Action, Agent, Draws};
 use crate::env::{EPISODE_LENGTH, Environment, StepResult};

@@ -47,6 +47,11 @@ impl PlanStep {
 }
 
 impl DemoPlan {
+    /// Of no one: an episode that was recorded needs no demonstrator.
+    pub(super) const fn none() -> Self {
+        Self { goals: Vec::new(), motions: Vec::new(), steps: Vec::new() }
+    }
+
     /// The same motions to other goals, one for each waypoint: those that an agent can express, for instance.
     ///
     /// Straight lines end at the new goals. An arc is bent, so that it leads from the new goal before it to its own new goal:

@@ -4,7 +4,8 @@ use super::demonstrator::DemoPlan;
 use super::params::SimParams;
 use super::placement::{PlacedTask, place};
 use super::render::{Detail, Item, MeshId, Renderer};
-use super::tasks::Task;
+use super::scene_spec::SceneSpec;
+use super::tasks::{Task, TaskScene};
 use super::world::{Holding, World};
 use crate::env::{EPISODE_LENGTH, Environment, InvalidAction, StepResult};
 use crate::error::Result;
@@ -36,17 +37,7 @@ pub struct SimEnvironment {
     plan: Arc<DemoPlan>,
     rejected_placements: u64,
     step: usize,
-    limit: EpisodeLimit,
     drawing: Drawing,
-}
-
-/// When an episode ends that neither succeeds nor fails.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum EpisodeLimit {
-    /// It is cut off after [`EPISODE_LENGTH`] macro actions.
-    Steps,
-    /// It fails when the demonstrator's keyframes are used up: with the demonstrator's poses there is nowhere left to go.
-    Keyframes,
 }
 
 /// Meshes of the scene, built once an episode.
@@ -73,7 +64,29 @@ impl SimEnvironment {
         for camera in cameras {
             Camera::by_name(camera, robot, &Pose3::IDENTITY)?;
         }
-        let PlacedTask { scene, plan, rejected } = place(task, robot, seed)?;
+        let placed = place(task, robot, seed)?;
+        Self::of(task, robot, placed, cameras, params)
+    }
+
+    /// The scene of an episode that was recorded: `spec` as it was placed, without cameras and without a demonstrator.
+    ///
+    /// # Errors
+    ///
+    /// When its task is unknown or the scene cannot be built.
+    pub fn in_scene(spec: SceneSpec, robot: &'static Robot, params: &SimParams) -> Result<Self> {
+        spec.check()?;
+        let task = Task::by_name(&spec.task)?;
+        let scene = TaskScene { spec, waypoints: Vec::new() };
+        Self::of(task, robot, PlacedTask { scene, plan: DemoPlan::none(), rejected: 0 }, &[], params)
+    }
+
+    fn of(
+        task: &'static Task,
+        robot: &'static Robot,
+        PlacedTask { scene, plan, rejected }: PlacedTask,
+        cameras: &[&'static str],
+        params: &SimParams,
+    ) -> Result<Self> {
         let world = settled(World::new(Arc::new(scene.spec), robot, robot.start, params)?);
         let drawing = Drawing::new(&world)?;
         Ok(Self {
@@ -86,19 +99,19 @@ impl SimEnvironment {
             plan: Arc::new(plan),
             rejected_placements: rejected,
             step: 0,
-            limit: EpisodeLimit::Steps,
             drawing,
         })
-    }
-
-    /// Ends episodes otherwise from now on.
-    pub fn set_limit(&mut self, limit: EpisodeLimit) {
-        self.limit = limit;
     }
 
     /// Times paths with other settings from now on.
     pub fn set_timing(&mut self, timing: TimingSettings) {
         self.timing = timing;
+    }
+
+    /// How it times paths.
+    #[must_use]
+    pub fn timing(&self) -> &TimingSettings {
+        &self.timing
     }
 
     /// The task.
@@ -159,8 +172,7 @@ impl SimEnvironment {
         self.step += 1;
         let outcome = self.run(path, gripper, &mut record);
         let success = outcome.is_ok() && self.world.success();
-        let exhausted = self.limit == EpisodeLimit::Keyframes && self.step >= self.plan.goals.len();
-        let terminated = success || outcome.is_err() || exhausted;
+        let terminated = success || outcome.is_err();
         StepResult {
             reward: f32::from(u8::from(success)),
             terminated,
@@ -287,8 +299,8 @@ impl Environment for SimEnvironment {
     }
 
     fn reset(&mut self, seed: u64) -> Result<()> {
-        let (timing, limit) = (self.timing.clone(), self.limit);
-        *self = Self { timing, limit, ..Self::new(self.task, self.robot, seed, &self.cameras, &self.params)? };
+        let timing = self.timing.clone();
+        *self = Self { timing, ..Self::new(self.task, self.robot, seed, &self.cameras, &self.params)? };
         Ok(())
     }
 
@@ -311,7 +323,6 @@ impl Environment for SimEnvironment {
     }
 
     fn demonstrated_goal(&self) -> Option<NextBestPose> {
-        // After its last keyframe the demonstrator has nothing new to say: the last motion is tried again.
-        self.plan.goals.get(self.step.min(self.plan.goals.len().saturating_sub(1))).copied()
+        self.plan.goals.get(self.step).copied()
     }
 }

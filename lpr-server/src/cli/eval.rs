@@ -11,9 +11,11 @@ use lpr_core::config::Config;
 use lpr_core::evaluate::{Evaluation, best_of_all, evaluate, measure_regret};
 use lpr_core::nn::Backend;
 use lpr_core::path::Source;
+use lpr_core::perception::Camera;
 use lpr_core::robot::Robot;
+use lpr_core::sim::SimEnvironment;
 use lpr_core::sim::tasks::Task;
-use lpr_core::sim::{EpisodeLimit, SimEnvironment};
+use lpr_core::train::default_cameras;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -69,17 +71,14 @@ pub(super) struct EvalReport {
 pub(super) fn simulator(
     task: &'static Task,
     robot: &'static Robot,
-    poses: PoseSource,
+    cameras: &[String],
     config: &Config,
 ) -> Result<SimEnvironment> {
     /// Any scene: every episode is reset to its own.
     const FIRST_SCENE: u64 = 1000;
-    let mut environment = SimEnvironment::new(task, robot, FIRST_SCENE, &["front"], &config.simulator)?;
+    let cameras: Vec<_> = cameras.iter().map(|name| Camera::known_name(name)).collect::<Result<_, _>>()?;
+    let mut environment = SimEnvironment::new(task, robot, FIRST_SCENE, &cameras, &config.simulator)?;
     environment.set_timing(config.timing.clone());
-    environment.set_limit(match poses {
-        PoseSource::Learned => EpisodeLimit::Steps,
-        PoseSource::Oracle => EpisodeLimit::Keyframes,
-    });
     Ok(environment)
 }
 
@@ -110,8 +109,8 @@ const fn source_name(source: Source) -> &'static str {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<EvalReport> {
-    let Subject { agent, task, robot, config, method, poses } = subject(arguments)?;
-    let mut environment = simulator(task, robot, poses, &config)?;
+    let Subject { agent, task, robot, cameras, config, method } = subject(arguments)?;
+    let mut environment = simulator(task, robot, &cameras, &config)?;
     let seeds = arguments.seed..arguments.seed + arguments.episodes;
     let found = if method == BEST_OF_ALL {
         best_of_all(&agent, &mut environment, seeds.clone(), |_| {})?
@@ -130,9 +129,9 @@ struct Subject {
     agent: Agent,
     task: &'static Task,
     robot: &'static Robot,
+    cameras: Vec<String>,
     config: Config,
     method: String,
-    poses: PoseSource,
 }
 
 fn subject(arguments: &Arguments) -> Result<Subject> {
@@ -143,8 +142,8 @@ fn subject(arguments: &Arguments) -> Result<Subject> {
     let task = Task::by_name(&saved.header.run.task)?;
     let robot = Robot::by_name(&saved.header.robot)?;
     let method = saved.header.run.method.name().to_owned();
-    let poses = saved.header.run.poses;
-    Ok(Subject { agent: saved.agent, task, robot, config: saved.header.config, method, poses })
+    let cameras = saved.header.run.cameras;
+    Ok(Subject { agent: saved.agent, task, robot, cameras, config: saved.header.config, method })
 }
 
 /// A method without weights, on the demonstrator's poses.
@@ -161,7 +160,7 @@ fn untrained(arguments: &Arguments) -> Result<Subject> {
     let init = Init { backend: Backend::Flex, seed: arguments.seed };
     let networks = Networks::new(&config, robot, method, PoseSource::Oracle, init)?;
     let agent = Agent::new(&config, robot, method, networks);
-    Ok(Subject { agent, task, robot, config, method: name, poses: PoseSource::Oracle })
+    Ok(Subject { agent, task, robot, cameras: default_cameras(), config, method: name })
 }
 
 impl fmt::Display for EvalReport {

@@ -16,7 +16,7 @@ use lpr_core::nn::Backend;
 use lpr_core::sim::SimEnvironment;
 use lpr_core::sim::recording::record_demo;
 use lpr_core::sim::tasks::Task;
-use lpr_core::train::{Run, StepLog, Trainer, demonstration_scene};
+use lpr_core::train::{Run, StepLog, Trainer, default_cameras, demonstration_scene};
 use serde::Serialize;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
@@ -154,13 +154,15 @@ impl<'a> Session<'a> {
             config.training.demonstrations = demos;
         }
         let poses = if arguments.oracle_poses { PoseSource::Oracle } else { PoseSource::Learned };
-        let environment = simulator(arguments.task, arguments.robot.robot, poses, &config)?;
+        let cameras = default_cameras();
+        let environment = simulator(arguments.task, arguments.robot.robot, &cameras, &config)?;
         let run = Run {
             task: arguments.task.name.to_owned(),
             method: arguments.method,
             poses,
             backend: Backend::Flex,
             seed: arguments.seed,
+            cameras,
         };
         run_directory::create(&arguments.out, &config.to_toml())?;
         let mut trainer = Trainer::new(config, run, environment.clone())?;
@@ -179,7 +181,7 @@ impl<'a> Session<'a> {
             let (found, asked) = (&header.run.task, arguments.task.name);
             return Err(lpr_core::Error::Checkpoint(format!("of task `{found}`, asked to resume `{asked}`")).into());
         }
-        let environment = simulator(arguments.task, arguments.robot.robot, header.run.poses, &header.config)?;
+        let environment = simulator(arguments.task, arguments.robot.robot, &header.run.cameras, &header.config)?;
         let trainer = Trainer::resume(&checkpoint, environment.clone())?;
         let metrics = MetricsWriter::resume(&arguments.out, step)?;
         let events = EventWriter::resume(&arguments.out, step)?;
