@@ -9,6 +9,7 @@ mod fk;
 mod ik;
 mod paths;
 mod render;
+mod replay;
 mod robots;
 mod tasks;
 mod train;
@@ -56,8 +57,10 @@ enum Command {
     Demo(demo::Arguments),
     /// List the candidate paths of a demonstration's keyframes, and execute each
     Paths(paths::Arguments),
-    /// Draw a scene or a demonstration
+    /// Draw a scene, a demonstration or a recorded episode
     Render(render::Arguments),
+    /// Run a recorded episode again
+    Replay(replay::Arguments),
     /// Forward kinematics of the flange
     Fk(fk::Arguments),
     /// Inverse kinematics of the flange
@@ -76,6 +79,7 @@ impl Command {
             Self::Demo(arguments) => print(&demo::run(arguments)?, format),
             Self::Paths(arguments) => print(&paths::run(arguments)?, format),
             Self::Render(arguments) => print(&render::run(arguments)?, format),
+            Self::Replay(arguments) => print(&replay::run(arguments)?, format),
             Self::Fk(arguments) => print(&fk::run(arguments)?, format),
             Self::Ik(arguments) => print(&ik::run(arguments)?, format),
             Self::Train(arguments) => print(&train::run(arguments)?, format),
