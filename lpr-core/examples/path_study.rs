@@ -68,7 +68,7 @@ fn changed(config: &Config, setting: &str) -> Config {
     Config::from_toml(&table.to_string()).unwrap()
 }
 
-fn study<E: Environment + Clone>(config: Config, run: Run, environment: E, demos: &[DemoEpisode], n_steps: u64) {
+fn study<E: Environment + Clone + Send + Sync>(config: Config, run: Run, environment: E, demos: &[DemoEpisode], n_steps: u64) {
     let started = Instant::now();
     let mut validation = environment.clone();
     let mut trainer = Trainer::new(config, run, environment).unwrap();

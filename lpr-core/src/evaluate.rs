@@ -10,7 +10,7 @@ use crate::agent::{Action, Agent, Draws};
 use crate::env::{EPISODE_LENGTH, Environment, StepResult};
 use crate::error::Result;
 use crate::path::{CandidateStreams, Source};
-use crate::train::{demonstrated_goal, execute, failure};
+use crate::train::{ChosenValue, chosen_values, demonstrated_goal, execute, failure};
 
 use core::ops::Range;
 use std::collections::BTreeMap;
@@ -36,7 +36,7 @@ pub struct Evaluation {
 }
 
 /// An episode of an evaluation.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct EvaluatedEpisode {
     /// Seed of its scene.
     pub scene_seed: u64,
@@ -44,6 +44,8 @@ pub struct EvaluatedEpisode {
     pub steps: u64,
     /// Why the task was not done; none when it was.
     pub failure: Option<&'static str>,
+    /// Value of the agent's choice and the discounted reward that came of it, for each step that ranked paths.
+    pub values: Vec<ChosenValue>,
 }
 
 impl Evaluation {
@@ -125,13 +127,16 @@ fn run_episode<E: Environment>(
 ) -> Result<EvaluatedEpisode> {
     environment.reset(seed)?;
     let mut steps = 0;
+    let mut rewards = Vec::new();
     loop {
         let action = decide(agent, environment, CandidateStreams { seed, step: steps })?;
         let result = run(environment, &action);
+        rewards.push((action.chosen_value(), result.reward));
         steps += 1;
         if result.terminated || result.truncated || steps >= EPISODE_LENGTH as u64 {
             let failure = (result.reward <= 0.0).then(|| failure(&result));
-            return Ok(EvaluatedEpisode { scene_seed: seed, steps, failure });
+            let values = chosen_values(rewards.into_iter(), agent.discount());
+            return Ok(EvaluatedEpisode { scene_seed: seed, steps, failure, values });
         }
     }
 }

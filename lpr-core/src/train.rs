@@ -16,8 +16,8 @@ mod settings;
 
 pub(crate) use episode::{Choice, Episode, Taken};
 pub use episode::{DemoEpisode, DemoStep};
-pub(crate) use log::failure;
 pub use log::{ChosenValue, EpisodeLog, Metrics, StepLog};
+pub(crate) use log::{chosen_values, failure};
 pub use settings::{Timeout, TrainSettings};
 
 use crate::agent::{Action, Agent, Draws, Goal, Init, Method, Networks, PoseSource};

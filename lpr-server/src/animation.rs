@@ -97,7 +97,7 @@ fn draw_candidates(artist: &mut Artist<'_>, world: &World, robot: &Robot, step: 
     let mut picture = artist.draw(world, &lines)?;
     let mut caption = vec![(title.to_owned(), INK), (format!("{} candidates", others.len()), INK), (chosen_text(step), INK)];
     if let Some(ValueScale { low, high }) = scale {
-        caption.push((format!("{low:.2} to {high:.2}"), INK));
+        caption.push((format!("values {low:.2} to {high:.2}"), INK));
         let top = artist.write(&mut picture, &caption);
         artist.draw_bar(&mut picture, top, value_color);
     } else {

@@ -1,6 +1,9 @@
 //! PNG and animated GIF files. Pixels are rows from the top, each from the left.
 
+mod palette;
+
 use crate::files::{self, FileError, Result};
+use palette::Indexed;
 use std::io;
 use std::path::Path;
 
@@ -44,7 +47,8 @@ pub fn write_gif(path: &Path, width: u16, height: u16, frames: &[Shown]) -> Resu
         let mut encoder = gif::Encoder::new(writer, width, height, &[]).map_err(gif_to_io)?;
         encoder.set_repeat(gif::Repeat::Infinite).map_err(gif_to_io)?;
         for Shown { pixels, millis } in frames {
-            let mut frame = gif::Frame::from_rgb_speed(width, height, pixels.as_flattened(), QUANTISATION_SPEED);
+            let Indexed { palette, pixels } = palette::indexed(pixels);
+            let mut frame = gif::Frame::from_palette_pixels(width, height, pixels, palette, None);
             // The format counts hundredths of a second.
             frame.delay = u16::try_from(millis / 10).unwrap_or(u16::MAX);
             encoder.write_frame(&frame).map_err(gif_to_io)?;
@@ -52,9 +56,6 @@ pub fn write_gif(path: &Path, width: u16, height: u16, frames: &[Shown]) -> Resu
         Ok(())
     })
 }
-
-/// From 1 (best colours) to 30 (fastest): the pictures have few and flat colours, so that 10 loses nothing visible.
-const QUANTISATION_SPEED: i32 = 10;
 
 fn check_size(path: &Path, width: u32, height: u32, pixels: &[[u8; 3]]) -> Result<()> {
     if pixels.is_empty() || pixels.len() as u64 != u64::from(width) * u64::from(height) {

@@ -90,6 +90,18 @@ pub struct ChosenValue {
     pub realised: f32,
 }
 
+/// Pairs the value of every step's path with the discounted rewards from that step on.
+pub(crate) fn chosen_values(steps: impl DoubleEndedIterator<Item = (Option<f32>, f32)>, discount: f32) -> Vec<ChosenValue> {
+    let mut realised = 0.0;
+    let with_realised = steps.rev().map(|(value, reward)| {
+        realised = reward + discount * realised;
+        value.map(|expected| ChosenValue { expected, realised })
+    });
+    let mut values: Vec<_> = with_realised.flatten().collect();
+    values.reverse();
+    values
+}
+
 /// Why an episode ended without success.
 pub(crate) fn failure(last: &StepResult) -> &'static str {
     match last.invalid {
