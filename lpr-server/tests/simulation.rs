@@ -205,3 +205,18 @@ fn an_episode_file_runs_again_and_is_drawn() {
         assert!(lpr_error(arguments, 1).starts_with(utf8(&file)));
     }
 }
+
+#[test]
+fn benchmarks_have_their_names_and_threads() {
+    let report = lpr_json(&["bench", "planning", "--threads", "1"]);
+    let rows = report["results"].as_array().unwrap();
+    let names: Vec<_> = rows.iter().map(|row| row["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["ik20_xarm7", "ik20_panda", "bezier20x50", "planner20_depth_image", "timing_50"]);
+    for row in rows {
+        assert_eq!(row["threads"], 1);
+        assert!(row["runs"].as_u64() >= Some(5) && row["min_ms"].as_f64() > Some(0.0), "{row}");
+        assert!(row["min_ms"].as_f64() <= row["median_ms"].as_f64(), "{row}");
+    }
+    assert!(lpr_error(&["bench", "coffee"], 2).contains("networks, simulation, planning, candidates"));
+    assert!(lpr_error(&["bench", "planning", "--threads", "0"], 2).contains("1..=1024"));
+}

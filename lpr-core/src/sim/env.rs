@@ -13,7 +13,7 @@ use crate::path::{JointPath, TimedPath, TimingSettings};
 use crate::perception::{Camera, Observation, Proprio, View, time_feature};
 use crate::q_attention::NextBestPose;
 use crate::rng::Rng;
-use crate::robot::{Gripper, JointConfig, Robot};
+use crate::robot::{Gripper, Robot};
 use crate::scene::{self, ObstacleQuery, Scene, obstacle_scene};
 use glamx::{Pose3, Vec3};
 use std::sync::Arc;
@@ -208,7 +208,8 @@ impl SimEnvironment {
     }
 
     /// The arm moves to `config` within one control step.
-    pub(super) fn move_straight(&mut self, config: &JointConfig) -> Result<(), InvalidAction> {
+    #[cfg(feature = "learn")]
+    pub(super) fn move_straight(&mut self, config: &crate::robot::JointConfig) -> Result<(), InvalidAction> {
         let (start, steps) = (*self.world.config(), self.params.steps_per_control());
         (1..=steps).try_for_each(|i| self.world.step(&start.lerp(config, i as f32 / steps as f32)))
     }

@@ -40,9 +40,8 @@ impl SceneSpec {
     }
 }
 
-/// What a scene that was read from a file must keep to, so that physics and pictures can be built from it.
 impl SceneSpec {
-    /// Checks sizes, poses and indices.
+    /// Checks sizes, poses and indices: what a scene of a file must keep to, so that physics and pictures can be built from it.
     ///
     /// # Errors
     ///

@@ -16,6 +16,7 @@ use crate::path::Source;
 /// | `policy/valid`, `policy/chosen` | 1 when the policy's path was ranked; when it ran |
 /// | `episode/success`, `episode/steps` | of an episode that ended with the step |
 /// | `value/realised`, `value/error` | mean over an episode of `γ^k` reward of what came; of its absolute difference to the value |
+/// | `validation/…` | of a validation: `success`, `regret`, `value_chosen`, `value_realised` and `value_error`, means over its steps |
 /// | `losses/…`, `td_error` | means over the gradient steps after the environment step |
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Metrics(Vec<(&'static str, f32)>);

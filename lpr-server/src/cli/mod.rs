@@ -3,6 +3,7 @@
 //! A command returns a report, which is printed as one JSON object (`--json`) or as a short table. Exit status 0: done,
 //! 1: failed, 2: wrong usage. A failure is one line on standard error that names the value at fault.
 
+mod bench;
 mod demo;
 mod eval;
 mod fk;
@@ -69,6 +70,8 @@ enum Command {
     Train(Box<train::Arguments>),
     /// Evaluate a trained agent, or a method with the demonstrator's poses
     Eval(eval::Arguments),
+    /// Measure how long networks, simulation, planning and candidates take
+    Bench(bench::Arguments),
 }
 
 impl Command {
@@ -84,6 +87,7 @@ impl Command {
             Self::Ik(arguments) => print(&ik::run(arguments)?, format),
             Self::Train(arguments) => print(&train::run(arguments)?, format),
             Self::Eval(arguments) => print(&eval::run(arguments)?, format),
+            Self::Bench(arguments) => print(&bench::run(arguments)?, format),
         }
     }
 }
