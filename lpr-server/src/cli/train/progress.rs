@@ -108,13 +108,14 @@ impl Meter {
     }
 }
 
-/// The networks with their sizes, and how fast they learn here.
-pub(super) fn networks_line(agent: &Agent, updates_per_second: f64) -> String {
+/// The networks with their sizes, and how fast they learn here once that is known.
+pub(super) fn networks_line(agent: &Agent, updates_per_second: Option<f64>) -> String {
     let costs = agent.costs().into_iter().map(|(name, cost)| {
         let (millions, giga) = (cost.parameters as f64 / 1e6, cost.flops as f64 / 1e9);
         format!("{name} {millions:.3} M parameters, {giga:.4} GFLOP a forward")
     });
-    format!("networks: {}; {updates_per_second:.2} updates per second", costs.collect::<Vec<_>>().join("; "))
+    let rate = updates_per_second.map_or(String::new(), |rate| format!("; {rate:.2} updates per second"));
+    format!("networks: {}{rate}", costs.collect::<Vec<_>>().join("; "))
 }
 
 /// What an update of Q-attention will take where that is long: `forward_seconds` for a forward pass of one scene here.

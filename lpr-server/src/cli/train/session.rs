@@ -150,6 +150,10 @@ impl<'a> Session<'a> {
     /// The updates on demonstrations alone, and what they achieve.
     fn learn_from_demonstrations(&mut self) -> Result<()> {
         let total = self.trainer.demonstration_updates_left();
+        if total == 0 {
+            // The first update comes late: sizes are told now, and once more with the rate.
+            self.bar.say(&networks_line(self.trainer.agent(), None));
+        }
         while self.trainer.demonstration_updates_left() > 0 {
             let start = Instant::now();
             let metrics = self.trainer.update()?;
@@ -208,7 +212,7 @@ impl<'a> Session<'a> {
     /// Says once how large the networks are and how fast they learn.
     fn measure_rate(&mut self, updates: u64, since: Instant) {
         if let Some(rate) = self.meter.count(updates, since) {
-            self.bar.say(&networks_line(self.trainer.agent(), rate));
+            self.bar.say(&networks_line(self.trainer.agent(), Some(rate)));
         }
     }
 
