@@ -25,7 +25,7 @@ use lpr_core::sim::SimEnvironment;
 use lpr_core::sim::recording::record_demo;
 use lpr_core::sim::tasks::Task;
 use lpr_core::toy::Toy;
-use lpr_core::train::{DemoEpisode, Run, Trainer, demonstration_scene};
+use lpr_core::train::{DemoEpisode, Run, Trainer, default_cameras, demonstration_scene};
 
 /// Steps between two lines of the table.
 const INTERVAL: u64 = 50;
@@ -39,7 +39,7 @@ fn main() {
     let (seed, n_steps) = (seed.parse().unwrap(), n_steps.parse().unwrap());
     let config = settings.iter().fold(Config::preset("fast").unwrap(), |config, setting| changed(&config, setting));
     let (method, backend, poses) = (Method::by_name(method).unwrap(), Backend::Flex, PoseSource::Oracle);
-    let run = Run { task: task.clone(), method, poses, backend, seed };
+    let run = Run { task: task.clone(), method, poses, backend, seed, cameras: default_cameras() };
     let n_demos = config.training.demonstrations as u64;
     let scenes = (0..).map(|demo| demonstration_scene(seed, demo));
     if task == "toy" {
@@ -68,7 +68,7 @@ fn changed(config: &Config, setting: &str) -> Config {
     Config::from_toml(&table.to_string()).unwrap()
 }
 
-fn study<E: Environment + Clone>(config: Config, run: Run, environment: E, demos: &[DemoEpisode], n_steps: u64) {
+fn study<E: Environment + Clone + Send + Sync>(config: Config, run: Run, environment: E, demos: &[DemoEpisode], n_steps: u64) {
     let started = Instant::now();
     let mut validation = environment.clone();
     let mut trainer = Trainer::new(config, run, environment).unwrap();

@@ -26,7 +26,7 @@ use lpr_core::robot::XARM7;
 use lpr_core::sim::SimEnvironment;
 use lpr_core::sim::recording::record_demo;
 use lpr_core::sim::tasks::Task;
-use lpr_core::train::{DemoEpisode, DemoStep, Run, Trainer, demonstration_scene};
+use lpr_core::train::{DemoEpisode, DemoStep, Run, Trainer, default_cameras, demonstration_scene};
 
 /// Validation scenes.
 const SCENES: Range<u64> = 1000..1040;
@@ -50,8 +50,14 @@ fn main() {
         }
     }
     // Ranker and policy are of no interest here, and the baseline has none.
-    let run =
-        Run { task: task.name.to_owned(), method: Method::C2fArm, poses: PoseSource::Learned, backend: Backend::Flex, seed };
+    let run = Run {
+        task: task.name.to_owned(),
+        method: Method::C2fArm,
+        poses: PoseSource::Learned,
+        backend: Backend::Flex,
+        seed,
+        cameras: default_cameras(),
+    };
     let demos = (0..).filter_map(|demo| record(demonstration_scene(seed, demo)));
     let mut trainer = Trainer::new(config.clone(), run, env.clone()).unwrap();
     for chain in demos.take(config.training.demonstrations).flatten() {

@@ -21,7 +21,7 @@ use crate::path::{
 };
 use crate::perception::{Observation, Proprio, VoxelBounds};
 use crate::policy::Policy;
-use crate::q_attention::{NextBestPose, QAttention, QDecision, QObservation, Weights};
+use crate::q_attention::{NetworkCost, NextBestPose, QAttention, QDecision, QObservation, Weights};
 use crate::ranker::{RankedPath, Ranker, RankerContext};
 use crate::replay;
 use crate::rng::{Rng, Stream, stream};
@@ -91,6 +91,7 @@ pub struct Agent {
     candidates: CandidateSettings,
     cloud_spacing: f32,
     acting_weights: Weights,
+    discount: f32,
     /// The networks; the learner changes them.
     pub networks: Networks,
 }
@@ -174,7 +175,25 @@ impl Agent {
     #[must_use]
     pub fn new(config: &Config, robot: &'static Robot, method: Method, networks: Networks) -> Self {
         let TrainSettings { cloud_spacing, acting_weights, .. } = config.training;
-        Self { robot, method, candidates: config.candidates.clone(), cloud_spacing, acting_weights, networks }
+        let (candidates, discount) = (config.candidates.clone(), config.ranker.discount);
+        Self { robot, method, candidates, cloud_spacing, acting_weights, discount, networks }
+    }
+
+    /// What a later reward counts for: `γ` of the ranker.
+    #[must_use]
+    pub(crate) const fn discount(&self) -> f32 {
+        self.discount
+    }
+
+    /// Every network's name, parameters, and operations of one forward pass of one sample: a scene, or a path.
+    #[must_use]
+    pub fn costs(&self) -> Vec<(String, NetworkCost)> {
+        let path_len = self.candidates.path_len;
+        let depths = self.networks.q_attention.iter().flat_map(QAttention::costs).enumerate();
+        let depths = depths.map(|(depth, cost)| (format!("q_attention depth {depth}"), cost));
+        let ranker = self.networks.ranker.iter().map(|ranker| ("ranker".to_owned(), ranker.cost(path_len)));
+        let policy = self.networks.policy.iter().map(|policy| ("policy".to_owned(), policy.cost(path_len)));
+        depths.chain(ranker).chain(policy).collect()
     }
 
     /// How it chooses.
@@ -260,6 +279,12 @@ impl Agent {
         let checker = MotionChecker::new(scene, &arm, self.candidates.rrt.checks_per_radian);
         let collides = !checker.path_is_free(path.configs());
         RankedPath { path, collides }
+    }
+
+    /// Numbers of the agent's candidates.
+    #[must_use]
+    pub const fn candidate_settings(&self) -> &CandidateSettings {
+        &self.candidates
     }
 
     /// The candidates of the agent's method (lines 8–11).

@@ -1,15 +1,17 @@
 //! Greedy evaluation over fixed scenes: how often the task is done, with what paths, and why not.
 
 mod best_of_all;
+mod record;
 
 pub use best_of_all::{Regret, best_of_all, measure_regret};
+pub use record::{RecordedStep, record_episode};
 
 use crate::agent::{Action, Agent, Draws};
 use crate::env::{EPISODE_LENGTH, Environment, StepResult};
 use crate::error::Result;
 use crate::path::{CandidateStreams, Source};
 use crate::perception::{Observation, View};
-use crate::train::{demonstrated_goal, execute, failure};
+use crate::train::{ChosenValue, chosen_values, demonstrated_goal, execute, failure};
 
 use core::ops::Range;
 use std::collections::BTreeMap;
@@ -49,7 +51,7 @@ pub enum Shown {
 pub const FOREIGN_SEED_OFFSET: u64 = 1000;
 
 /// An episode of an evaluation.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct EvaluatedEpisode {
     /// Seed of its scene.
     pub scene_seed: u64,
@@ -57,6 +59,8 @@ pub struct EvaluatedEpisode {
     pub steps: u64,
     /// Why the task was not done; none when it was.
     pub failure: Option<&'static str>,
+    /// Value of the agent's choice and the discounted reward that came of it, for each step that ranked paths.
+    pub values: Vec<ChosenValue>,
 }
 
 impl Evaluation {
@@ -154,7 +158,7 @@ pub fn evaluate_shown<E: Environment + Clone>(
             let attended = Observation { views: views.clone(), proprio: observation.proprio };
             decide_on(agent, environment, &observation, &attended, streams)
         };
-        let episode = run_steps(environment, seed, &mut decide, &mut run)?;
+        let episode = run_steps(agent, environment, seed, &mut decide, &mut run)?;
         evaluation.add(&episode);
         on_episode(&episode);
     }
@@ -181,24 +185,28 @@ fn run_episode<E: Environment>(
     run: &mut impl FnMut(&mut E, &Action) -> StepResult,
 ) -> Result<EvaluatedEpisode> {
     environment.reset(seed)?;
-    run_steps(environment, seed, &mut |environment, streams| decide(agent, environment, streams), run)
+    run_steps(agent, environment, seed, &mut |environment, streams| decide(agent, environment, streams), run)
 }
 
 /// The steps of an episode in which `decide` chooses every action and `run` executes it.
 fn run_steps<E: Environment>(
+    agent: &Agent,
     environment: &mut E,
     seed: u64,
     decide: &mut impl FnMut(&mut E, CandidateStreams) -> Result<Action>,
     run: &mut impl FnMut(&mut E, &Action) -> StepResult,
 ) -> Result<EvaluatedEpisode> {
     let mut steps = 0;
+    let mut rewards = Vec::new();
     loop {
         let action = decide(environment, CandidateStreams { seed, step: steps })?;
         let result = run(environment, &action);
+        rewards.push((action.chosen_value(), result.reward));
         steps += 1;
         if result.terminated || result.truncated || steps >= EPISODE_LENGTH as u64 {
             let failure = (result.reward <= 0.0).then(|| failure(&result));
-            return Ok(EvaluatedEpisode { scene_seed: seed, steps, failure });
+            let values = chosen_values(rewards.into_iter(), agent.discount());
+            return Ok(EvaluatedEpisode { scene_seed: seed, steps, failure, values });
         }
     }
 }

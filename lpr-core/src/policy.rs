@@ -17,7 +17,7 @@ use crate::error::{Error, Result};
 use crate::nn::{Adam, AdamSettings, AdamState, Backend, GOAL_FEATURES, JointScale, Mlp, NamedTensor, Spread};
 use crate::nn::{export, goal_features, import, tensor, values};
 use crate::path::JointPath;
-use crate::q_attention::NextBestPose;
+use crate::q_attention::{NetworkCost, NextBestPose};
 use crate::rng::Rng;
 use crate::robot::{DOF, JointConfig, Robot};
 
@@ -127,6 +127,13 @@ impl Policy {
             }
         });
         JointPath::new(configs.collect())
+    }
+
+    /// Parameters, and operations of one forward pass of a path of `path_len` configurations.
+    #[must_use]
+    pub fn cost(&self, path_len: usize) -> NetworkCost {
+        let parameters = self.network.num_params();
+        NetworkCost { parameters, flops: 2 * path_len * parameters }
     }
 
     /// One gradient step towards the paths of `batch`, which may differ in length; the loss before it, in square radians.

@@ -24,7 +24,7 @@ use crate::error::{Error, Result};
 use crate::nn::{Adam, AdamSettings, AdamState, Backend, JointScale, NamedTensor};
 use crate::nn::{export, import, mix, tensor, values};
 use crate::path::JointPath;
-use crate::q_attention::NextBestPose;
+use crate::q_attention::{NetworkCost, NextBestPose};
 use crate::rng::Rng;
 use crate::robot::Robot;
 use network::{Encoding, RankerNetwork};
@@ -188,6 +188,13 @@ impl Ranker {
         }
         let per_critic = self.online.forward(&self.encoding.encode(&samples, &self.device)?);
         Ok((0..paths.len()).map(|idx| mean(&per_critic, idx)).collect())
+    }
+
+    /// Parameters, and operations of one forward pass of a path of `path_len` configurations.
+    #[must_use]
+    pub fn cost(&self, path_len: usize) -> NetworkCost {
+        let macs = self.online.critics.iter().map(|critic| critic.macs(path_len)).sum::<usize>();
+        NetworkCost { parameters: self.online.num_params(), flops: 2 * macs }
     }
 
     /// One gradient step on `batch`, then one step of the target network.

@@ -16,8 +16,8 @@ mod settings;
 
 pub(crate) use episode::{Choice, Episode, Taken};
 pub use episode::{DemoEpisode, DemoStep};
-pub(crate) use log::failure;
 pub use log::{ChosenValue, EpisodeLog, Metrics, StepLog};
+pub(crate) use log::{chosen_values, failure};
 pub use settings::{Timeout, TrainSettings};
 
 use crate::agent::{Action, Agent, Draws, Goal, Init, Method, Networks, PoseSource};
@@ -46,6 +46,15 @@ pub struct Run {
     pub backend: Backend,
     /// Seed of everything drawn.
     pub seed: u64,
+    /// Names of the cameras that the agent sees with.
+    #[serde(default = "default_cameras")]
+    pub cameras: Vec<String>,
+}
+
+/// The camera of a run that names none.
+#[must_use]
+pub fn default_cameras() -> Vec<String> {
+    vec!["front".to_owned()]
 }
 
 /// How far a run has come.

@@ -12,7 +12,8 @@ use std::path::Path;
 const NORM_TOLERANCE: f64 = 2e-3;
 
 /// A pose in the world, which is the base of the arm.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct PoseJson {
     /// Metres.
     pub position: [f64; 3],

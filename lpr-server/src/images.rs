@@ -1,6 +1,9 @@
 //! PNG and animated GIF files. Pixels are rows from the top, each from the left.
 
+mod palette;
+
 use crate::files::{self, FileError, Result};
+use palette::Indexed;
 use std::io;
 use std::path::Path;
 
@@ -21,31 +24,38 @@ pub fn write_png(path: &Path, width: u32, height: u32, pixels: &[[u8; 3]]) -> Re
     })
 }
 
-/// Writes an endless animation, atomically; each frame has its own palette of 256 colours and is shown for `delay_ms`.
+/// A picture of an animation.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Shown {
+    /// Its pixels.
+    pub pixels: Vec<[u8; 3]>,
+    /// How long it is shown, milliseconds.
+    pub millis: u32,
+}
+
+/// Writes an endless animation, atomically; each frame has its own palette of 256 colours.
 ///
 /// # Errors
 ///
 /// When there is no frame, one has not `width * height` pixels, or the file cannot be written.
-pub fn write_gif(path: &Path, width: u16, height: u16, frames: &[Vec<[u8; 3]>], delay_ms: u32) -> Result<()> {
+pub fn write_gif(path: &Path, width: u16, height: u16, frames: &[Shown]) -> Result<()> {
     if frames.is_empty() {
         return Err(FileError::content(path, "an animation needs at least one frame"));
     }
-    frames.iter().try_for_each(|pixels| check_size(path, width.into(), height.into(), pixels))?;
+    frames.iter().try_for_each(|frame| check_size(path, width.into(), height.into(), &frame.pixels))?;
     files::write_atomically(path, |writer| {
         let mut encoder = gif::Encoder::new(writer, width, height, &[]).map_err(gif_to_io)?;
         encoder.set_repeat(gif::Repeat::Infinite).map_err(gif_to_io)?;
-        for pixels in frames {
-            let mut frame = gif::Frame::from_rgb_speed(width, height, pixels.as_flattened(), QUANTISATION_SPEED);
+        for Shown { pixels, millis } in frames {
+            let Indexed { palette, pixels } = palette::indexed(pixels);
+            let mut frame = gif::Frame::from_palette_pixels(width, height, pixels, palette, None);
             // The format counts hundredths of a second.
-            frame.delay = u16::try_from(delay_ms / 10).unwrap_or(u16::MAX);
+            frame.delay = u16::try_from(millis / 10).unwrap_or(u16::MAX);
             encoder.write_frame(&frame).map_err(gif_to_io)?;
         }
         Ok(())
     })
 }
-
-/// From 1 (best colours) to 30 (fastest): the pictures have few and flat colours, so that 10 loses nothing visible.
-const QUANTISATION_SPEED: i32 = 10;
 
 fn check_size(path: &Path, width: u32, height: u32, pixels: &[[u8; 3]]) -> Result<()> {
     if pixels.is_empty() || pixels.len() as u64 != u64::from(width) * u64::from(height) {
@@ -97,8 +107,8 @@ mod tests {
     fn a_gif_has_its_frames_delay_and_colours() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.gif");
-        let blue = vec![[10, 20, 200]; 32];
-        write_gif(&path, 8, 4, &[blue.clone(), blue, gradient(8, 4)], 50).unwrap();
+        let frames = [(vec![[10, 20, 200]; 32], 50), (vec![[10, 20, 200]; 32], 1500), (gradient(8, 4), 50)];
+        write_gif(&path, 8, 4, &frames.map(|(pixels, millis)| Shown { pixels, millis })).unwrap();
         let mut options = gif::DecodeOptions::new();
         options.set_color_output(gif::ColorOutput::RGBA);
         let mut decoder = options.read_info(BufReader::new(File::open(&path).unwrap())).unwrap();
@@ -109,7 +119,7 @@ mod tests {
             delays.push(frame.delay);
             last = frame.buffer.to_vec();
         }
-        assert_eq!(delays, [5, 5, 5]);
+        assert_eq!(delays, [5, 150, 5]);
         for (shown, drawn) in last.chunks(4).zip(gradient(8, 4)) {
             let error = shown.iter().zip(drawn).map(|(a, b)| a.abs_diff(b)).max();
             assert!(error <= Some(4), "{shown:?} for {drawn:?}");
@@ -120,8 +130,9 @@ mod tests {
     fn a_picture_of_another_size_is_refused_and_leaves_no_file() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.gif");
-        assert!(write_gif(&path, 8, 4, &[], 50).is_err());
-        assert!(write_gif(&path, 8, 4, &[gradient(8, 4), gradient(8, 5)], 50).is_err());
+        assert!(write_gif(&path, 8, 4, &[]).is_err());
+        let frames = [gradient(8, 4), gradient(8, 5)].map(|pixels| Shown { pixels, millis: 50 });
+        assert!(write_gif(&path, 8, 4, &frames).is_err());
         assert!(write_png(&path, 0, 4, &[]).is_err());
         assert!(write_png(&path, 8, 5, &gradient(8, 4)).is_err());
         assert!(!path.exists());

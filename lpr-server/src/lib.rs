@@ -2,7 +2,10 @@
 //!
 //! [`lpr_core`] does the work and never touches a file; everything here reads its input, calls it and writes the result.
 
+pub mod animation;
+pub mod artist;
 pub mod cli;
+pub mod episode;
 pub mod files;
 pub mod formats;
 pub mod images;

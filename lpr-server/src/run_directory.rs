@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::{fs, io};
 
 const CHECKPOINTS: &str = "checkpoints";
+const EPISODES: &str = "episodes";
 const WEIGHTS: &str = "weights.safetensors";
 const STATE: &str = "state.bin";
 /// Older checkpoints are deleted: this many stay.
@@ -25,6 +26,30 @@ pub fn create(directory: &Path, config_toml: &str) -> Result<()> {
     let checkpoints = directory.join(CHECKPOINTS);
     fs::create_dir_all(&checkpoints).map_err(FileError::io("create", &checkpoints))?;
     files::write_atomically(&directory.join("config.toml"), |file| file.write_all(config_toml.as_bytes()))
+}
+
+/// Where the episode of a checkpoint goes; its directory exists then.
+///
+/// # Errors
+///
+/// When the directory cannot be created.
+pub fn episode_path(directory: &Path, env_step: u64) -> Result<PathBuf> {
+    in_episodes(directory, &format!("{env_step:08}.episode.json.gz"))
+}
+
+/// Where the animation of a checkpoint's episode goes; its directory exists then.
+///
+/// # Errors
+///
+/// When the directory cannot be created.
+pub fn animation_path(directory: &Path, env_step: u64) -> Result<PathBuf> {
+    in_episodes(directory, &format!("{env_step:08}.gif"))
+}
+
+fn in_episodes(directory: &Path, name: &str) -> Result<PathBuf> {
+    let episodes = directory.join(EPISODES);
+    fs::create_dir_all(&episodes).map_err(FileError::io("create", &episodes))?;
+    Ok(episodes.join(name))
 }
 
 /// Saves a checkpoint, whole or not at all, and deletes old ones.

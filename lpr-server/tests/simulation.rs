@@ -171,3 +171,52 @@ fn wrong_usage_names_what_would_be_right() {
     let error = lpr_error(&["render", "reach_target", "--out", "no/such/directory/a.png"], 1);
     assert!(error.starts_with("no/such/directory/a.png: cannot write"), "{error}");
 }
+
+/// The file of an episode in which a method without networks opens a drawer.
+fn recorded_episode(directory: &Path) -> std::path::PathBuf {
+    use lpr_core::agent::{Agent, Init, Method, Networks, PoseSource};
+    let config = lpr_core::config::Config::preset("fast").unwrap();
+    let (robot, method) = (&lpr_core::robot::PANDA, Method::Random);
+    let init = Init { backend: lpr_core::nn::Backend::Flex, seed: 0 };
+    let agent = Agent::new(&config, robot, method, Networks::new(&config, robot, method, PoseSource::Oracle, init).unwrap());
+    let task = lpr_core::sim::tasks::Task::by_name("take_lid_off_saucepan").unwrap();
+    let mut environment = lpr_core::sim::SimEnvironment::new(task, robot, 1, &["front"], &config.simulator).unwrap();
+    let episode = lpr_server::episode::EpisodeFile::record(&agent, &mut environment, 1001).unwrap();
+    let path = directory.join("lid.episode.json.gz");
+    episode.write(&path).unwrap();
+    path
+}
+
+#[test]
+fn an_episode_file_runs_again_and_is_drawn() {
+    let root = tempfile::tempdir().unwrap();
+    let file = recorded_episode(root.path());
+    let report = lpr_json(&["replay", utf8(&file)]);
+    assert_eq!((&report["identical"], &report["task"]), (&json!(true), &json!("take_lid_off_saucepan")));
+    assert_eq!(report["world_hash"].as_str().unwrap().len(), 16);
+    let animation = root.path().join("lid.gif");
+    let report = lpr_json(&["render", "--episode", utf8(&file), "--size", "64x48", "--out", utf8(&animation)]);
+    assert!(report["frames"].as_u64().unwrap() > 5 && animation.exists());
+    assert!(lpr_error(&["render", "--episode", utf8(&file), "--out", "a.png"], 2).contains("ends in .gif"));
+    assert!(lpr_error(&["render", "--out", "a.png"], 2).contains("<TASK>"));
+    assert_eq!(lpr(&["render", "reach_target", "--episode", utf8(&file), "--out", "a.gif"]).0, 2);
+    std::fs::write(&file, b"{}").unwrap();
+    for arguments in [&["replay", utf8(&file)][..], &["render", "--episode", utf8(&file), "--out", utf8(&animation)]] {
+        assert!(lpr_error(arguments, 1).starts_with(utf8(&file)));
+    }
+}
+
+#[test]
+fn benchmarks_have_their_names_and_threads() {
+    let report = lpr_json(&["bench", "planning", "--threads", "1"]);
+    let rows = report["results"].as_array().unwrap();
+    let names: Vec<_> = rows.iter().map(|row| row["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["ik20_xarm7", "ik20_panda", "bezier20x50", "planner20_depth_image", "timing_50"]);
+    for row in rows {
+        assert_eq!(row["threads"], 1);
+        assert!(row["runs"].as_u64() >= Some(5) && row["min_ms"].as_f64() > Some(0.0), "{row}");
+        assert!(row["min_ms"].as_f64() <= row["median_ms"].as_f64(), "{row}");
+    }
+    assert!(lpr_error(&["bench", "coffee"], 2).contains("networks, simulation, planning, candidates"));
+    assert!(lpr_error(&["bench", "planning", "--threads", "0"], 2).contains("1..=1024"));
+}

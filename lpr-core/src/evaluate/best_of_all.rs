@@ -4,6 +4,7 @@ use super::{EvaluatedEpisode, Evaluation, run_episode};
 use crate::agent::{Action, Agent};
 use crate::env::{Environment, StepResult};
 use crate::error::Result;
+use crate::path::map_in_order;
 use crate::train::execute;
 
 use core::ops::Range;
@@ -65,11 +66,18 @@ pub fn best_of_all<E: Environment + Clone>(
 /// # Errors
 ///
 /// As [`evaluate`](super::evaluate).
-pub fn measure_regret<E: Environment + Clone>(agent: &Agent, environment: &mut E, seeds: Range<u64>) -> Result<Regret> {
+pub fn measure_regret<E: Environment + Clone + Send + Sync>(
+    agent: &Agent,
+    environment: &mut E,
+    seeds: Range<u64>,
+) -> Result<Regret> {
     let mut regret = Regret::default();
     for seed in seeds {
         let mut run = |environment: &mut E, action: &Action| {
-            let best = outcomes(environment, action).map(|(_, result)| result.reward).fold(0.0, f32::max);
+            let (snapshot, candidates) = (&*environment, &action.set.candidates);
+            let rewards =
+                map_in_order(candidates.len(), |idx| snapshot.clone().step(&candidates[idx].path, action.goal.gripper).reward);
+            let best = rewards.into_iter().fold(0.0, f32::max);
             let result = execute(environment, agent.poses(), action);
             regret.add(best, result.reward);
             result

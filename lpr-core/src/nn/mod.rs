@@ -18,6 +18,8 @@ pub(crate) use features::{GOAL_FEATURES, JointScale, POSE_FEATURES, goal_feature
 pub(crate) use layers::{Dense, Mlp, Spread};
 pub(crate) use parameters::{export, import, mix};
 
+use crate::error::{Error, Result};
+
 use burn::tensor::{Device, Tensor, TensorData};
 use serde::{Deserialize, Serialize};
 
@@ -33,6 +35,22 @@ pub enum Backend {
 }
 
 impl Backend {
+    /// The backend of that name.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Config`] when there is none of that name, or this build leaves it out.
+    pub fn by_name(name: &str) -> Result<Self> {
+        match name {
+            "flex" => Ok(Self::Flex),
+            #[cfg(feature = "ndarray")]
+            "ndarray" => Ok(Self::Ndarray),
+            #[cfg(not(feature = "ndarray"))]
+            "ndarray" => Err(Error::Config("backend `ndarray`: this program was built without the feature `ndarray`".to_owned())),
+            _ => Err(Error::Config(format!("unknown backend `{name}`, known: flex, ndarray"))),
+        }
+    }
+
     /// The plain device of the backend: the only place that names one.
     pub(crate) fn device(self) -> Device {
         match self {

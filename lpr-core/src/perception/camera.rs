@@ -106,6 +106,15 @@ impl Camera {
         self
     }
 
+    /// The name of a built-in camera.
+    ///
+    /// # Errors
+    ///
+    /// When there is none of that name, naming those that exist.
+    pub fn known_name(name: &str) -> Result<&'static str> {
+        CAMERA_NAMES.into_iter().find(|known| *known == name).ok_or_else(|| unknown_camera(name))
+    }
+
     /// The built-in camera of that name, placed for `robot`; only `wrist` moves with the flange.
     ///
     /// # Errors
@@ -118,7 +127,7 @@ impl Camera {
             "left_shoulder" => Ok(Self::shoulder(name, robot, SHOULDER_SIDE)),
             "right_shoulder" => Ok(Self::shoulder(name, robot, -SHOULDER_SIDE)),
             "overhead" => Ok(Self::overhead(robot)),
-            _ => Err(Error::Config(format!("unknown camera '{name}', known: {}", CAMERA_NAMES.join(", ")))),
+            _ => Err(unknown_camera(name)),
         }
     }
 
@@ -194,6 +203,10 @@ fn facing(direction: Vec3, up: Vec3) -> Quat {
     let right = if right.length_squared() > 1e-6 { right } else { forward.cross(Vec3::X) };
     let right = right.try_normalize().expect("forward is parallel to at most one of the two axes");
     Quat::from_mat3(&Mat3::from_cols(right, forward.cross(right), forward))
+}
+
+fn unknown_camera(name: &str) -> Error {
+    Error::Config(format!("unknown camera '{name}', known: {}", CAMERA_NAMES.join(", ")))
 }
 
 #[cfg(test)]

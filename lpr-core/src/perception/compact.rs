@@ -88,19 +88,9 @@ fn to_bytes(values: Vec3) -> [u8; 3] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::VoxelBounds;
+    use super::super::voxel::tests::{cloud, space};
     use super::*;
     use proptest::prelude::*;
-
-    fn space() -> VoxelSpace {
-        let bounds = VoxelBounds { min: Vec3::new(-0.2, 0.1, -0.3), size: Vec3::new(0.4, 0.9, 1.6) };
-        VoxelSpace::new(bounds, [4, 6, 8]).expect("a proper space")
-    }
-
-    fn cloud() -> impl Strategy<Value = Vec<(Vec3, [u8; 3])>> {
-        let point = (-0.3f32..0.3, 0.0f32..1.1, -0.4f32..1.4, any::<[u8; 3]>());
-        proptest::collection::vec(point.prop_map(|(x, y, z, rgb)| (Vec3::new(x, y, z), rgb)), 0..300)
-    }
 
     #[test]
     fn a_stored_voxel_takes_eight_bytes() {

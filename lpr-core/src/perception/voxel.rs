@@ -267,17 +267,19 @@ pub(super) fn write_occupied(features: &mut [f32], n_voxels: usize, flat: usize,
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::robot::PANDA;
     use proptest::prelude::*;
 
-    fn space() -> VoxelSpace {
+    /// A space that is no cube.
+    pub(in crate::perception) fn space() -> VoxelSpace {
         let bounds = VoxelBounds { min: Vec3::new(-0.2, 0.1, -0.3), size: Vec3::new(0.4, 0.9, 1.6) };
         VoxelSpace::new(bounds, [4, 6, 8]).expect("a proper space")
     }
 
-    fn cloud() -> impl Strategy<Value = Vec<(Vec3, [u8; 3])>> {
+    /// Points inside and outside of it.
+    pub(in crate::perception) fn cloud() -> impl Strategy<Value = Vec<(Vec3, [u8; 3])>> {
         let point = (-0.3f32..0.3, 0.0f32..1.1, -0.4f32..1.4, any::<[u8; 3]>());
         proptest::collection::vec(point.prop_map(|(x, y, z, rgb)| (Vec3::new(x, y, z), rgb)), 0..300)
     }

@@ -71,6 +71,11 @@ impl Critic {
         };
         self.head.forward(pooled).reshape([n_paths])
     }
+
+    /// Multiplications and additions of one forward pass of one path; a weight counts as one.
+    pub(super) fn macs(&self, path_len: usize) -> usize {
+        path_len * self.encoder.num_params() + self.head.num_params()
+    }
 }
 
 /// One or two value networks.

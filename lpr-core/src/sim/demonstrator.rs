@@ -2,7 +2,7 @@
 //!
 //! It alone knows the scene's construction; an agent sees only what it records.
 
-use super::env::SimEnvironment;
+use super::env::{SimEnvironment, Until};
 use super::tasks::{Motion, Waypoint};
 use super::world::World;
 use crate::env::{Environment as _, InvalidAction};
@@ -47,6 +47,11 @@ impl PlanStep {
 }
 
 impl DemoPlan {
+    /// Of no one: an episode that was recorded needs no demonstrator.
+    pub(super) const fn none() -> Self {
+        Self { goals: Vec::new(), motions: Vec::new(), steps: Vec::new() }
+    }
+
     /// The same motions to other goals, one for each waypoint: those that an agent can express, for instance.
     ///
     /// Straight lines end at the new goals. An arc is bent, so that it leads from the new goal before it to its own new goal:
@@ -152,7 +157,8 @@ pub fn demonstrate(env: &mut SimEnvironment, rng: &mut Rng) -> Demonstration {
             demo.invalid = Some(InvalidAction::NoPath);
             return demo;
         };
-        let result = env.step_recorded(&path, goal.gripper, |world| demo.frames.push(world.clone()));
+        // To the end: a keyframe is where the demonstrator goes, not where its success is first noticed on the way.
+        let result = env.step_until(Until::End, &path, goal.gripper, |world| demo.frames.push(world.clone()));
         demo.waypoint_frames.push(demo.frames.len() - 1);
         if result.terminated {
             demo.success = result.reward > 0.0;

@@ -4,7 +4,8 @@ use super::demonstrator::DemoPlan;
 use super::params::SimParams;
 use super::placement::{PlacedTask, place};
 use super::render::{Detail, Item, MeshId, Renderer};
-use super::tasks::Task;
+use super::scene_spec::SceneSpec;
+use super::tasks::{Task, TaskScene};
 use super::world::{Holding, World};
 use crate::env::{EPISODE_LENGTH, Environment, InvalidAction, StepResult};
 use crate::error::Result;
@@ -36,17 +37,16 @@ pub struct SimEnvironment {
     plan: Arc<DemoPlan>,
     rejected_placements: u64,
     step: usize,
-    limit: EpisodeLimit,
     drawing: Drawing,
 }
 
-/// When an episode ends that neither succeeds nor fails.
+/// Where a macro action stops.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum EpisodeLimit {
-    /// It is cut off after [`EPISODE_LENGTH`] macro actions.
-    Steps,
-    /// It fails when the demonstrator's keyframes are used up: with the demonstrator's poses there is nowhere left to go.
-    Keyframes,
+pub(super) enum Until {
+    /// As soon as the task is done, or at the end.
+    Success,
+    /// At the end.
+    End,
 }
 
 /// Meshes of the scene, built once an episode.
@@ -73,7 +73,29 @@ impl SimEnvironment {
         for camera in cameras {
             Camera::by_name(camera, robot, &Pose3::IDENTITY)?;
         }
-        let PlacedTask { scene, plan, rejected } = place(task, robot, seed)?;
+        let placed = place(task, robot, seed)?;
+        Self::of(task, robot, placed, cameras, params)
+    }
+
+    /// The scene of an episode that was recorded: `spec` as it was placed, without cameras and without a demonstrator.
+    ///
+    /// # Errors
+    ///
+    /// When its task is unknown or the scene cannot be built.
+    pub fn in_scene(spec: SceneSpec, robot: &'static Robot, params: &SimParams) -> Result<Self> {
+        spec.check()?;
+        let task = Task::by_name(&spec.task)?;
+        let scene = TaskScene { spec, waypoints: Vec::new() };
+        Self::of(task, robot, PlacedTask { scene, plan: DemoPlan::none(), rejected: 0 }, &[], params)
+    }
+
+    fn of(
+        task: &'static Task,
+        robot: &'static Robot,
+        PlacedTask { scene, plan, rejected }: PlacedTask,
+        cameras: &[&'static str],
+        params: &SimParams,
+    ) -> Result<Self> {
         let world = settled(World::new(Arc::new(scene.spec), robot, robot.start, params)?);
         let drawing = Drawing::new(&world)?;
         Ok(Self {
@@ -86,19 +108,19 @@ impl SimEnvironment {
             plan: Arc::new(plan),
             rejected_placements: rejected,
             step: 0,
-            limit: EpisodeLimit::Steps,
             drawing,
         })
-    }
-
-    /// Ends episodes otherwise from now on.
-    pub fn set_limit(&mut self, limit: EpisodeLimit) {
-        self.limit = limit;
     }
 
     /// Times paths with other settings from now on.
     pub fn set_timing(&mut self, timing: TimingSettings) {
         self.timing = timing;
+    }
+
+    /// How it times paths.
+    #[must_use]
+    pub fn timing(&self) -> &TimingSettings {
+        &self.timing
     }
 
     /// The task.
@@ -155,12 +177,22 @@ impl SimEnvironment {
     }
 
     /// As [`Environment::step`], calling `record` after every control step and after the gripper's command.
-    pub fn step_recorded(&mut self, path: &JointPath, gripper: Gripper, mut record: impl FnMut(&World)) -> StepResult {
+    pub fn step_recorded(&mut self, path: &JointPath, gripper: Gripper, record: impl FnMut(&World)) -> StepResult {
+        self.step_until(Until::Success, path, gripper, record)
+    }
+
+    /// As [`Self::step_recorded`], stopping where `until` says.
+    pub(super) fn step_until(
+        &mut self,
+        until: Until,
+        path: &JointPath,
+        gripper: Gripper,
+        mut record: impl FnMut(&World),
+    ) -> StepResult {
         self.step += 1;
-        let outcome = self.run(path, gripper, &mut record);
+        let outcome = self.run(until, path, gripper, &mut record);
         let success = outcome.is_ok() && self.world.success();
-        let exhausted = self.limit == EpisodeLimit::Keyframes && self.step >= self.plan.goals.len();
-        let terminated = success || outcome.is_err() || exhausted;
+        let terminated = success || outcome.is_err();
         StepResult {
             reward: f32::from(u8::from(success)),
             terminated,
@@ -169,8 +201,14 @@ impl SimEnvironment {
         }
     }
 
-    /// Follows the path, stopping as soon as the task is done, then moves the gripper.
-    fn run(&mut self, path: &JointPath, gripper: Gripper, record: &mut impl FnMut(&World)) -> Result<(), InvalidAction> {
+    /// Follows the path, then moves the gripper.
+    fn run(
+        &mut self,
+        until: Until,
+        path: &JointPath,
+        gripper: Gripper,
+        record: &mut impl FnMut(&World),
+    ) -> Result<(), InvalidAction> {
         if path.start().max_joint_distance(self.world.config()) > START_TOLERANCE {
             return Err(InvalidAction::StartMismatch);
         }
@@ -185,7 +223,7 @@ impl SimEnvironment {
             self.world.step(&timed.config_at(i as f64 * dt))?;
             if i % per_control == 0 || i == steps {
                 record(&self.world);
-                if self.world.success() {
+                if until == Until::Success && self.world.success() {
                     return Ok(());
                 }
             }
@@ -195,7 +233,14 @@ impl SimEnvironment {
         Ok(())
     }
 
-    fn move_gripper(&mut self, gripper: Gripper) -> Result<(), InvalidAction> {
+    /// The arm moves to `config` within one control step.
+    #[cfg(feature = "learn")]
+    pub(super) fn move_straight(&mut self, config: &crate::robot::JointConfig) -> Result<(), InvalidAction> {
+        let (start, steps) = (*self.world.config(), self.params.steps_per_control());
+        (1..=steps).try_for_each(|i| self.world.step(&start.lerp(config, i as f32 / steps as f32)))
+    }
+
+    pub(super) fn move_gripper(&mut self, gripper: Gripper) -> Result<(), InvalidAction> {
         self.world.command_gripper(gripper);
         let config = *self.world.config();
         let most = (GRIPPER_TIMEOUT_SECS / self.params.dt) as usize;
@@ -287,8 +332,8 @@ impl Environment for SimEnvironment {
     }
 
     fn reset(&mut self, seed: u64) -> Result<()> {
-        let (timing, limit) = (self.timing.clone(), self.limit);
-        *self = Self { timing, limit, ..Self::new(self.task, self.robot, seed, &self.cameras, &self.params)? };
+        let timing = self.timing.clone();
+        *self = Self { timing, ..Self::new(self.task, self.robot, seed, &self.cameras, &self.params)? };
         Ok(())
     }
 
@@ -311,7 +356,6 @@ impl Environment for SimEnvironment {
     }
 
     fn demonstrated_goal(&self) -> Option<NextBestPose> {
-        // After its last keyframe the demonstrator has nothing new to say: the last motion is tried again.
-        self.plan.goals.get(self.step.min(self.plan.goals.len().saturating_sub(1))).copied()
+        self.plan.goals.get(self.step).copied()
     }
 }

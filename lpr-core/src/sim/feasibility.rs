@@ -78,9 +78,20 @@ impl KeyframeSnapshot {
     /// Executes every candidate from this snapshot.
     #[must_use]
     pub fn execute_all(&self, settings: &CandidateSettings, streams: CandidateStreams) -> KeyframeTrials {
-        let (set, linear) = self.ask(|query| (candidates(query, settings, streams), linear_candidate(query, settings)));
-        let trials = map_in_order(set.candidates.len(), |idx| self.execute(&set.candidates[idx]));
-        KeyframeTrials { set, trials, linear: linear.ok().map(|candidate| self.execute(&candidate)) }
+        let set = self.candidates(settings, streams);
+        KeyframeTrials { trials: self.trials(&set), linear: self.linear_trial(settings), set }
+    }
+
+    /// Executes every candidate of `set` from this snapshot.
+    #[must_use]
+    pub fn trials(&self, set: &CandidateSet) -> Vec<Trial> {
+        map_in_order(set.candidates.len(), |idx| self.execute(&set.candidates[idx]))
+    }
+
+    /// Executes the straight line of the grip from this snapshot; `None` when the arm cannot follow it.
+    #[must_use]
+    pub fn linear_trial(&self, settings: &CandidateSettings) -> Option<Trial> {
+        self.ask(|query| linear_candidate(query, settings)).ok().map(|candidate| self.execute(&candidate))
     }
 
     /// What `answer` makes of the goal and what the cameras see now.

@@ -17,7 +17,7 @@ pub mod tasks;
 mod world;
 
 pub use demonstrator::{DemoPlan, Demonstration, demonstrate};
-pub use env::{EpisodeLimit, SimEnvironment};
+pub use env::SimEnvironment;
 pub use params::SimParams;
 pub use placement::{PlacedTask, place};
 pub use scene_spec::{BodyKind, BodySpec, Condition, JointKind, JointSpec, SceneSpec, Zone};

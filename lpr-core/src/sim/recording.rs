@@ -8,7 +8,7 @@ use crate::path::JointPath;
 use crate::perception::Proprio;
 use crate::q_attention::NextBestPose;
 use crate::rng::{Stream, stream};
-use crate::robot::{DOF, Gripper};
+use crate::robot::{DOF, Gripper, JointConfig};
 use crate::train::{DemoEpisode, DemoStep};
 
 /// The frames of a demonstration, one each control step.
@@ -53,6 +53,43 @@ pub fn demo_episodes(env: &SimEnvironment, demo: &Demonstration, settings: &Demo
     episodes
 }
 
+/// The arm in one frame of a demonstration that is to be followed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FollowedFrame {
+    /// Where the arm is.
+    pub joints: JointConfig,
+    /// Distance between the pads, metres.
+    pub gripper_width: f32,
+}
+
+/// Does what a demonstration did, in `env`, which has just been reset to its scene: the arm goes from frame to frame, and where the
+/// pads move while it stands still, the gripper gets that command. It may end otherwise than the demonstration did.
+#[must_use]
+pub fn follow(env: &mut SimEnvironment, frames: &[FollowedFrame]) -> Demonstration {
+    /// Pads that move less than this were not commanded, metres: what they hold gives way by less.
+    const COMMANDED: f32 = 0.001;
+    /// An arm that moves less than this stands still, radians in every joint.
+    const STILL: f32 = 1e-6;
+    let mut demo =
+        Demonstration { frames: vec![env.world().clone()], waypoint_frames: Vec::new(), success: false, invalid: None };
+    for pair in frames.windows(2) {
+        let opened_by = pair[1].gripper_width - pair[0].gripper_width;
+        let stands = pair[1].joints.max_joint_distance(&pair[0].joints) < STILL;
+        let command = if opened_by > 0.0 { Gripper::Open } else { Gripper::Close };
+        let moved = match (stands, opened_by.abs() > COMMANDED) {
+            (true, true) => env.move_gripper(command),
+            _ => env.move_straight(&pair[1].joints),
+        };
+        demo.frames.push(env.world().clone());
+        if let Err(invalid) = moved {
+            demo.invalid = Some(invalid);
+            return demo;
+        }
+    }
+    demo.success = env.world().success();
+    demo
+}
+
 /// Records a successful demonstration in scene `seed` and augments it; `None` when the demonstrator fails there.
 ///
 /// # Errors
@@ -70,8 +107,9 @@ pub fn record_demo(env: &SimEnvironment, seed: u64, settings: &DemoSettings) -> 
 mod tests {
     use super::*;
     use crate::config::Config;
-    use crate::robot::XARM7;
-    use crate::sim::tasks::TASKS;
+    use crate::robot::{PANDA, Robot, XARM7};
+    use crate::sim::tasks::{TASKS, Task};
+    use crate::sim::{SimParams, World};
 
     #[test]
     fn demonstrations_have_the_keyframes_of_their_task_and_braking_is_none() {
@@ -82,6 +120,29 @@ mod tests {
                 let Some(chains) = record_demo(&env, seed, &config.demos).expect("a scene") else { continue };
                 let whole = chains.first().expect("a chain from the first frame");
                 assert_eq!(whole.steps.len(), task.keyframes, "{} {seed}", task.name);
+            }
+        }
+    }
+
+    fn followed(task: &'static Task, robot: &'static Robot, seed: u64) -> (Demonstration, Demonstration) {
+        let mut env = SimEnvironment::new(task, robot, seed, &["front"], &SimParams::STANDARD).expect("a scene");
+        let mut again = env.clone();
+        let demo = demonstrate(&mut env, &mut stream(seed, Stream::Demo, 0));
+        let frame = |world: &World| FollowedFrame { joints: *world.config(), gripper_width: world.gripper_width() };
+        let frames: Vec<_> = demo.frames.iter().map(frame).collect();
+        (follow(&mut again, &frames), demo)
+    }
+
+    #[test]
+    fn demonstrations_that_are_followed_do_the_task_again() {
+        for task in TASKS {
+            for (robot, seed) in [(&XARM7, 1), (&PANDA, 2)] {
+                let (again, demo) = followed(task, robot, seed);
+                assert!(again.success, "{} with {}: {:?}", task.name, robot.name, again.invalid);
+                assert_eq!(again.frames.len(), demo.frames.len());
+                for (again, demo) in again.frames.iter().zip(&demo.frames) {
+                    assert!(again.config().max_joint_distance(demo.config()) < 1e-5);
+                }
             }
         }
     }

@@ -1,6 +1,7 @@
 //! A scene as data: one value drives physics, pictures and drawings.
 
-use crate::scene::Part;
+use crate::error::{Error, Result};
+use crate::scene::{Part, Shape};
 use glamx::{Pose3, Vec3};
 use serde::{Deserialize, Serialize};
 
@@ -36,6 +37,66 @@ impl SceneSpec {
                 }
             }
         }
+    }
+}
+
+impl SceneSpec {
+    /// Checks sizes, poses and indices: what a scene of a file must keep to, so that physics and pictures can be built from it.
+    ///
+    /// # Errors
+    ///
+    /// Naming the body, joint or condition at fault.
+    pub fn check(&self) -> Result<()> {
+        let broken = |what: String| Error::Environment(format!("scene of task '{}': {what}", self.task));
+        let no_body = |body: usize| self.bodies.get(body).is_none();
+        for body in &self.bodies {
+            let name = &body.name;
+            let weights = [body.mass, body.friction];
+            if !is_pose(&body.pose) || !body.parts.iter().all(|part| is_pose(&part.pose) && has_volume(&part.shape)) {
+                return Err(broken(format!("body '{name}': expected unit quaternions and sizes above 0")));
+            }
+            if !weights.iter().all(|weight| weight.is_finite() && *weight >= 0.0) {
+                return Err(broken(format!("body '{name}': expected mass and friction from 0")));
+            }
+        }
+        for joint in &self.joints {
+            let name = &joint.name;
+            if joint.parent == joint.child || no_body(joint.parent) || no_body(joint.child) {
+                return Err(broken(format!("joint '{name}': expected two bodies of the scene")));
+            }
+            let numbers = [joint.limits[0], joint.limits[1], joint.start, joint.brake];
+            let is_placed = joint.anchor.is_finite() && (joint.axis.length() - 1.0).abs() < UNIT_TOLERANCE;
+            if !is_placed || !numbers.iter().all(|number| number.is_finite()) || joint.limits[0] > joint.limits[1] {
+                return Err(broken(format!("joint '{name}': expected a unit axis and ascending limits")));
+            }
+        }
+        let is_absent = |condition: &Condition| match *condition {
+            Condition::JointMoved { joint, .. } => self.joints.get(joint).is_none(),
+            Condition::BodyInZone { body, .. } | Condition::Grasped { body } => no_body(body),
+            Condition::GripInZone { .. } => false,
+        };
+        match self.success.iter().position(is_absent) {
+            Some(idx) => Err(broken(format!("success[{idx}]: names a body or joint that is not there"))),
+            None => Ok(()),
+        }
+    }
+}
+
+/// How far the length of a unit axis or quaternion may be from 1.
+const UNIT_TOLERANCE: f32 = 1e-3;
+
+fn is_pose(pose: &Pose3) -> bool {
+    pose.translation.is_finite() && (pose.rotation.length() - 1.0).abs() < UNIT_TOLERANCE
+}
+
+fn has_volume(shape: &Shape) -> bool {
+    let above_zero = |lengths: &[f32]| lengths.iter().all(|length| length.is_finite() && *length > 0.0);
+    match shape {
+        Shape::Sphere { radius } => above_zero(&[*radius]),
+        Shape::Cuboid { half_extents } => above_zero(&half_extents.to_array()),
+        Shape::Cylinder { radius, half_length } => above_zero(&[*radius, *half_length]),
+        Shape::Capsule { radius, half_length } => above_zero(&[*radius]) && half_length.is_finite() && *half_length >= 0.0,
+        Shape::Convex { points } => points.len() >= 4 && points.iter().all(|point| point.is_finite()),
     }
 }
 
@@ -171,4 +232,40 @@ pub enum Condition {
         /// Body index.
         body: usize,
     },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::place;
+    use super::super::tasks::{TASKS, Task};
+    use super::*;
+    use crate::robot::XARM7;
+
+    fn drawer() -> SceneSpec {
+        let task = Task::by_name("open_drawer").expect("a task");
+        place(task, &XARM7, 0).expect("a scene that can be placed").scene.spec
+    }
+
+    #[test]
+    fn every_placed_scene_passes() {
+        for task in TASKS {
+            let scene = place(task, &XARM7, 1).expect("a scene that can be placed").scene;
+            assert_eq!(scene.spec.check(), Ok(()));
+        }
+    }
+
+    #[test]
+    fn what_physics_cannot_build_is_named() {
+        let refusal = |change: &dyn Fn(&mut SceneSpec)| {
+            let mut scene = drawer();
+            change(&mut scene);
+            scene.check().expect_err("a broken scene").to_string()
+        };
+        let broken_size = |scene: &mut SceneSpec| scene.bodies[0].parts[0].shape = Shape::Sphere { radius: -1.0 };
+        assert!(refusal(&broken_size).contains(&drawer().bodies[0].name));
+        assert!(refusal(&|scene| scene.bodies[0].mass = f32::NAN).contains("mass"));
+        assert!(refusal(&|scene| scene.joints[0].child = 99).contains("expected two bodies"));
+        assert!(refusal(&|scene| scene.joints[0].axis = Vec3::ZERO).contains("unit axis"));
+        assert!(refusal(&|scene| scene.success = vec![Condition::Grasped { body: 99 }]).contains("success[0]"));
+    }
 }

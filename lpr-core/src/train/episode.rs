@@ -1,6 +1,6 @@
 //! From the steps of an episode to rows of the replay.
 
-use super::log::{ChosenValue, EpisodeLog, failure};
+use super::log::{EpisodeLog, chosen_values, failure};
 use crate::agent::{Action, Agent, context};
 use crate::env::StepResult;
 use crate::error::{Error, Result};
@@ -138,17 +138,7 @@ impl Episode {
 
     /// What is reported of it, with `discount` (γ) for what came of each step.
     pub(super) fn log(&self, episode: u64, last: &StepResult, discount: f32) -> EpisodeLog {
-        let mut realised = 0.0;
-        let mut values: Vec<_> = self
-            .steps
-            .iter()
-            .rev()
-            .map(|taken| {
-                realised = taken.reward + discount * realised;
-                taken.value.map(|expected| ChosenValue { expected, realised })
-            })
-            .collect();
-        values.reverse();
+        let values = chosen_values(self.steps.iter().map(|taken| (taken.value, taken.reward)), discount);
         let success = self.succeeded();
         EpisodeLog {
             episode,
@@ -156,7 +146,7 @@ impl Episode {
             steps: self.steps.len(),
             success,
             failure: (!success).then(|| failure(last)),
-            values: values.into_iter().flatten().collect(),
+            values,
         }
     }
 }

@@ -16,6 +16,7 @@ use crate::path::Source;
 /// | `policy/valid`, `policy/chosen` | 1 when the policy's path was ranked; when it ran |
 /// | `episode/success`, `episode/steps` | of an episode that ended with the step |
 /// | `value/realised`, `value/error` | mean over an episode of `γ^k` reward of what came; of its absolute difference to the value |
+/// | `validation/…` | of a validation: `success`, `regret`, `value_chosen`, `value_realised` and `value_error`, means over its steps |
 /// | `losses/…`, `td_error` | means over the gradient steps after the environment step |
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Metrics(Vec<(&'static str, f32)>);
@@ -88,6 +89,18 @@ pub struct ChosenValue {
     pub expected: f32,
     /// Discounted sum of the rewards from the step to the end of the episode.
     pub realised: f32,
+}
+
+/// Pairs the value of every step's path with the discounted rewards from that step on.
+pub(crate) fn chosen_values(steps: impl DoubleEndedIterator<Item = (Option<f32>, f32)>, discount: f32) -> Vec<ChosenValue> {
+    let mut realised = 0.0;
+    let with_realised = steps.rev().map(|(value, reward)| {
+        realised = reward + discount * realised;
+        value.map(|expected| ChosenValue { expected, realised })
+    });
+    let mut values: Vec<_> = with_realised.flatten().collect();
+    values.reverse();
+    values
 }
 
 /// Why an episode ended without success.

@@ -28,7 +28,7 @@ pub(crate) fn config() -> Config {
 }
 
 pub(crate) fn run(method: Method, seed: u64) -> Run {
-    Run { task: "toy".to_owned(), method, poses: PoseSource::Oracle, backend: Backend::Flex, seed }
+    Run { task: "toy".to_owned(), method, poses: PoseSource::Oracle, backend: Backend::Flex, seed, cameras: default_cameras() }
 }
 
 /// A trainer on the toy with a few demonstrations.

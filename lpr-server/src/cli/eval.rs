@@ -12,9 +12,11 @@ use lpr_core::config::Config;
 use lpr_core::evaluate::{Evaluation, Shown, best_of_all, evaluate, evaluate_shown, measure_regret};
 use lpr_core::nn::Backend;
 use lpr_core::path::Source;
+use lpr_core::perception::Camera;
 use lpr_core::robot::{ROBOTS, Robot};
+use lpr_core::sim::SimEnvironment;
 use lpr_core::sim::tasks::Task;
-use lpr_core::sim::{EpisodeLimit, SimEnvironment};
+use lpr_core::train::default_cameras;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -94,17 +96,14 @@ pub(super) struct EvalReport {
 pub(super) fn simulator(
     task: &'static Task,
     robot: &'static Robot,
-    poses: PoseSource,
+    cameras: &[String],
     config: &Config,
 ) -> Result<SimEnvironment> {
     /// Any scene: every episode is reset to its own.
     const FIRST_SCENE: u64 = 1000;
-    let mut environment = SimEnvironment::new(task, robot, FIRST_SCENE, &["front"], &config.simulator)?;
+    let cameras: Vec<_> = cameras.iter().map(|name| Camera::known_name(name)).collect::<Result<_, _>>()?;
+    let mut environment = SimEnvironment::new(task, robot, FIRST_SCENE, &cameras, &config.simulator)?;
     environment.set_timing(config.timing.clone());
-    environment.set_limit(match poses {
-        PoseSource::Learned => EpisodeLimit::Steps,
-        PoseSource::Oracle => EpisodeLimit::Keyframes,
-    });
     Ok(environment)
 }
 
@@ -137,8 +136,8 @@ const fn source_name(source: Source) -> &'static str {
 
 pub(super) fn run(arguments: &Arguments) -> Result<EvalReport> {
     let seeds = scene_seeds(arguments)?;
-    let Subject { agent, task, robot, config, method } = subject(arguments)?;
-    let mut environment = simulator(task, robot, agent.poses(), &config)?;
+    let Subject { agent, task, robot, cameras, config, method } = subject(arguments)?;
+    let mut environment = simulator(task, robot, &cameras, &config)?;
     let best = method == BEST_OF_ALL;
     let found = match arguments.observations.shown() {
         Some(_) if agent.poses() == PoseSource::Oracle || best || arguments.regret => {
@@ -169,6 +168,7 @@ struct Subject {
     agent: Agent,
     task: &'static Task,
     robot: &'static Robot,
+    cameras: Vec<String>,
     config: Config,
     method: String,
 }
@@ -204,7 +204,8 @@ fn trained(arguments: &Arguments, run: &Path) -> Result<Subject> {
         saved.agent.networks.q_attention = None;
     }
     let method = method.to_owned();
-    Ok(Subject { agent: saved.agent, task, robot, config: saved.header.config, method })
+    let cameras = saved.header.run.cameras;
+    Ok(Subject { agent: saved.agent, task, robot, cameras, config: saved.header.config, method })
 }
 
 fn foreign(run: &Path, option: &str, found: &str, asked: &str) -> Failure {
@@ -230,7 +231,7 @@ fn untrained(arguments: &Arguments) -> Result<Subject> {
     let init = Init { backend: Backend::Flex, seed: arguments.seed };
     let networks = Networks::new(&config, robot, method, PoseSource::Oracle, init)?;
     let agent = Agent::new(&config, robot, method, networks);
-    Ok(Subject { agent, task, robot, config, method: name })
+    Ok(Subject { agent, task, robot, cameras: default_cameras(), config, method: name })
 }
 
 impl fmt::Display for EvalReport {

@@ -3,12 +3,14 @@
 //! A command returns a report, which is printed as one JSON object (`--json`) or as a short table. Exit status 0: done,
 //! 1: failed, 2: wrong usage. A failure is one line on standard error that names the value at fault.
 
+mod bench;
 mod demo;
 mod eval;
 mod fk;
 mod ik;
 mod paths;
 mod render;
+mod replay;
 mod robots;
 mod tasks;
 mod train;
@@ -56,8 +58,10 @@ enum Command {
     Demo(demo::Arguments),
     /// List the candidate paths of a demonstration's keyframes, and execute each
     Paths(paths::Arguments),
-    /// Draw a scene or a demonstration
+    /// Draw a scene, a demonstration or a recorded episode
     Render(render::Arguments),
+    /// Run a recorded episode again
+    Replay(replay::Arguments),
     /// Forward kinematics of the flange
     Fk(fk::Arguments),
     /// Inverse kinematics of the flange
@@ -66,6 +70,8 @@ enum Command {
     Train(Box<train::Arguments>),
     /// Evaluate a trained agent, or a method with the demonstrator's poses
     Eval(eval::Arguments),
+    /// Measure how long networks, simulation, planning and candidates take
+    Bench(bench::Arguments),
 }
 
 impl Command {
@@ -76,10 +82,12 @@ impl Command {
             Self::Demo(arguments) => print(&demo::run(arguments)?, format),
             Self::Paths(arguments) => print(&paths::run(arguments)?, format),
             Self::Render(arguments) => print(&render::run(arguments)?, format),
+            Self::Replay(arguments) => print(&replay::run(arguments)?, format),
             Self::Fk(arguments) => print(&fk::run(arguments)?, format),
             Self::Ik(arguments) => print(&ik::run(arguments)?, format),
             Self::Train(arguments) => print(&train::run(arguments)?, format),
             Self::Eval(arguments) => print(&eval::run(arguments)?, format),
+            Self::Bench(arguments) => print(&bench::run(arguments)?, format),
         }
     }
 }

@@ -1,13 +1,20 @@
 //! `lpr paths`: the candidate paths of a demonstration's keyframes, and what becomes of each.
 
 use super::{Failure, Result, RobotArgument, TaskArgument, default_preset, scene_seeds};
+use crate::run_directory;
 use core::fmt;
-use lpr_core::path::{CandidateSet, CandidateSettings, CandidateStreams, Source};
+use lpr_core::agent::{Agent, Draws, Goal};
+use lpr_core::checkpoint::{SavedAgent, load_agent};
+use lpr_core::config::Config;
+use lpr_core::env::Environment as _;
+use lpr_core::path::{CandidateSet, CandidateSettings, CandidateStreams, Source, TimingSettings};
+use lpr_core::perception::Camera;
 use lpr_core::robot::{JointConfig, Robot};
-use lpr_core::sim::feasibility::{KeyframeSnapshot, KeyframeTrials, Trial, keyframe_snapshots};
+use lpr_core::sim::feasibility::{KeyframeSnapshot, Trial, keyframe_snapshots};
 use lpr_core::sim::tasks::Task;
 use lpr_core::sim::{SimEnvironment, SimParams};
 use serde::Serialize;
+use std::path::PathBuf;
 
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
@@ -24,6 +31,9 @@ pub(super) struct Arguments {
     /// Keyframe, counted from 0, or "all"
     #[arg(long, value_name = "K|all", default_value = "0", value_parser = KeyframeChoice::parse)]
     keyframe: KeyframeChoice,
+    /// Run directory whose agent proposes and values the paths
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["sigma", "collision_free_fraction"])]
+    checkpoint: Option<PathBuf>,
     /// Execute every candidate, each from the same snapshot
     #[arg(long)]
     execute: bool,
@@ -104,6 +114,9 @@ struct CandidateRow {
 struct Summary {
     planner: SourceRow,
     bezier: SourceRow,
+    /// Only with a checkpoint whose agent has a policy.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    policy: Option<SourceRow>,
     /// Share of the keyframes at which some candidate succeeds; none without `--execute`.
     best_of_all: Option<f64>,
 }
@@ -141,6 +154,8 @@ struct Drawn {
     episode: u32,
     keyframe: usize,
     set: CandidateSet,
+    /// One for each candidate; none without a ranker.
+    values: Option<Vec<f32>>,
     executed: Option<Executed>,
 }
 
@@ -157,24 +172,21 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
     if arguments.abort_force.is_nan() || arguments.abort_force <= 0.0 {
         return Err(Failure::Usage(format!("--abort-force {}: expected newtons above 0", arguments.abort_force)));
     }
-    let settings = settings(arguments)?;
-    let params = SimParams { abort_force: arguments.abort_force, ..SimParams::STANDARD };
+    let proposer = Proposer::new(arguments)?;
     let mut skipped_seeds = Vec::new();
     let mut drawn = Vec::new();
     for (episode, seed) in (0..).zip(scene_seeds(arguments.seed, *episodes)) {
-        let Some(snapshots) = snapshots(task, robot, seed, &params) else {
+        let Some(snapshots) = proposer.snapshots(task, robot, seed) else {
             skipped_seeds.push(seed);
             continue;
         };
         for (keyframe, snapshot) in snapshots.iter().enumerate().filter(|(keyframe, _)| arguments.keyframe.includes(*keyframe)) {
             let streams = CandidateStreams { seed, step: keyframe as u64 };
-            let (set, executed) = if arguments.execute {
-                let KeyframeTrials { set, trials, linear } = snapshot.execute_all(&settings, streams);
-                (set, Some(Executed { trials, linear }))
-            } else {
-                (snapshot.candidates(&settings, streams), None)
-            };
-            drawn.push(Drawn { episode, keyframe, set, executed });
+            let (set, values) = proposer.propose(snapshot, streams)?;
+            let executed = arguments
+                .execute
+                .then(|| Executed { trials: snapshot.trials(&set), linear: snapshot.linear_trial(&proposer.settings) });
+            drawn.push(Drawn { episode, keyframe, set, values, executed });
         }
     }
     Ok(Report {
@@ -188,10 +200,48 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
     })
 }
 
-/// The snapshots of the demonstration in scene `seed`; none when it fails.
-fn snapshots(task: &'static Task, robot: &'static Robot, seed: u64, params: &SimParams) -> Option<Vec<KeyframeSnapshot>> {
-    let env = SimEnvironment::new(task, robot, seed, &["front"], params).ok()?;
-    keyframe_snapshots(&env, seed)
+/// Who proposes the paths: the generators alone, or a trained agent, which also values them.
+struct Proposer {
+    settings: CandidateSettings,
+    agent: Option<Agent>,
+    cameras: Vec<&'static str>,
+    params: SimParams,
+    timing: TimingSettings,
+}
+
+impl Proposer {
+    fn new(arguments: &Arguments) -> Result<Self> {
+        let Some(run) = &arguments.checkpoint else {
+            let Config { simulator, timing, .. } = default_preset();
+            let params = SimParams { abort_force: arguments.abort_force, ..simulator };
+            return Ok(Self { settings: settings(arguments)?, agent: None, cameras: vec!["front"], params, timing });
+        };
+        let SavedAgent { header, agent } = load_agent(&run_directory::latest(run)?.1.weights)?;
+        let robot = arguments.robot.robot.name;
+        if header.robot != robot {
+            let reason = format!("--checkpoint {}: of the robot {}, asked for {robot}", run.display(), header.robot);
+            return Err(Failure::Usage(reason));
+        }
+        let cameras = header.run.cameras.iter().map(|name| Camera::known_name(name)).collect::<Result<_, _>>()?;
+        let Config { simulator, timing, .. } = header.config;
+        let params = SimParams { abort_force: arguments.abort_force, ..simulator };
+        Ok(Self { settings: agent.candidate_settings().clone(), agent: Some(agent), cameras, params, timing })
+    }
+
+    /// The snapshots of the demonstration in scene `seed`; none when it fails.
+    fn snapshots(&self, task: &'static Task, robot: &'static Robot, seed: u64) -> Option<Vec<KeyframeSnapshot>> {
+        let mut env = SimEnvironment::new(task, robot, seed, &self.cameras, &self.params).ok()?;
+        env.set_timing(self.timing.clone());
+        keyframe_snapshots(&env, seed)
+    }
+
+    /// The candidates with their values, if there is a ranker.
+    fn propose(&self, snapshot: &KeyframeSnapshot, streams: CandidateStreams) -> Result<(CandidateSet, Option<Vec<f32>>)> {
+        let Some(agent) = &self.agent else { return Ok((snapshot.candidates(&self.settings, streams), None)) };
+        let observation = snapshot.env.clone().observe();
+        let action = agent.act(&observation, Goal::from(snapshot.goal), Draws::greedy(streams))?;
+        Ok((action.set, action.values))
+    }
 }
 
 fn settings(arguments: &Arguments) -> Result<CandidateSettings> {
@@ -209,7 +259,7 @@ fn settings(arguments: &Arguments) -> Result<CandidateSettings> {
 impl Drawn {
     /// A row for each candidate, then one for each draw that gave none.
     fn rows(&self) -> Vec<CandidateRow> {
-        let Self { episode, keyframe, set, executed } = self;
+        let Self { episode, keyframe, set, values, executed } = self;
         let blank = |source: Source| CandidateRow {
             episode: *episode,
             keyframe: *keyframe,
@@ -228,6 +278,7 @@ impl Drawn {
             CandidateRow {
                 collides: Some(candidate.collides),
                 length: Some(candidate.path.length()),
+                value: values.as_ref().map(|values| values[idx]),
                 executed: trial.is_some(),
                 success: trial.map(|trial| trial.success),
                 reason: trial.and_then(failure),
@@ -279,19 +330,27 @@ fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
 }
 
 fn summary(drawn: &[Drawn]) -> Summary {
-    let mut summary = Summary { best_of_all: mean(drawn.iter().filter_map(Drawn::best_of_all)), ..Summary::default() };
-    for (source, row) in [(Source::Planner, &mut summary.planner), (Source::Bezier, &mut summary.bezier)] {
-        for Drawn { set, executed, .. } in drawn {
-            let admitted = set.candidates.iter().filter(|candidate| candidate.source == source).count() as u32;
-            row.admitted += admitted;
-            row.drawn += admitted + set.rejected.iter().filter(|rejected| rejected.source == source).count() as u32;
-            if let Some(Executed { trials, .. }) = executed {
-                let successes = trials.iter().filter(|trial| trial.source == source && trial.success).count() as u32;
-                *row.successes.get_or_insert(0) += successes;
-            }
+    let policy = source_row(Source::Policy, drawn);
+    Summary {
+        planner: source_row(Source::Planner, drawn),
+        bezier: source_row(Source::Bezier, drawn),
+        policy: (policy.drawn > 0).then_some(policy),
+        best_of_all: mean(drawn.iter().filter_map(Drawn::best_of_all)),
+    }
+}
+
+fn source_row(source: Source, drawn: &[Drawn]) -> SourceRow {
+    let mut row = SourceRow::default();
+    for Drawn { set, executed, .. } in drawn {
+        let admitted = set.candidates.iter().filter(|candidate| candidate.source == source).count() as u32;
+        row.admitted += admitted;
+        row.drawn += admitted + set.rejected.iter().filter(|rejected| rejected.source == source).count() as u32;
+        if let Some(Executed { trials, .. }) = executed {
+            let successes = trials.iter().filter(|trial| trial.source == source && trial.success).count() as u32;
+            *row.successes.get_or_insert(0) += successes;
         }
     }
-    summary
+    row
 }
 
 /// The shares at one keyframe; none when no episode has it.
@@ -315,7 +374,8 @@ impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { task, robot, episodes, skipped_seeds, keyframes, summary, .. } = self;
         writeln!(f, "{task}, {robot}: {} of {episodes} episodes", *episodes as usize - skipped_seeds.len())?;
-        for (source, row) in [("planner", summary.planner), ("bezier", summary.bezier)] {
+        let rows = [("planner", Some(summary.planner)), ("bezier", Some(summary.bezier)), ("policy", summary.policy)];
+        for (source, row) in rows.into_iter().filter_map(|(source, row)| Some((source, row?))) {
             write!(f, "  {source:<8} {:>5} drawn {:>5} admitted", row.drawn, row.admitted)?;
             row.successes.map_or(Ok(()), |successes| write!(f, " {successes:>5} successes"))?;
             writeln!(f)?;

@@ -1,45 +1,47 @@
-//! `lpr render`: a picture of a scene or a demonstration as an animation, with the candidate paths of its keyframes.
+//! `lpr render`: a picture of a scene; a demonstration or an episode as an animation, with its candidate paths.
 
-use super::{Failure, Result, RobotArgument, TaskArgument, default_preset, paths};
-use crate::images;
+use super::{Failure, Result, RobotArgument, default_preset, paths};
+use crate::animation;
+use crate::artist::{Artist, BEAUTY, Line, Size};
+use crate::episode::EpisodeFile;
+use crate::images::{self, Shown};
 use core::fmt;
 use lpr_core::env::Environment as _;
-use lpr_core::glamx::{Pose3, Vec3};
 use lpr_core::path::{CandidateStreams, JointPath, Source};
-use lpr_core::perception::{CAMERA_NAMES, Camera};
+use lpr_core::perception::CAMERA_NAMES;
 use lpr_core::rng::{Stream, stream};
-use lpr_core::robot::Robot;
 use lpr_core::sim::feasibility::{KeyframeSnapshot, keyframe_snapshots};
-use lpr_core::sim::render::{Picture, Renderer, Stroke};
+use lpr_core::sim::render::Picture;
+use lpr_core::sim::tasks::Task;
 use lpr_core::sim::{SimEnvironment, SimParams, World, demonstrate};
 use serde::Serialize;
 use std::path::PathBuf;
 
 /// Time between the pictures of an animation, milliseconds.
 const GIF_PERIOD_MS: u32 = 100;
-/// Samples per pixel along each side.
-const SAMPLES: usize = 3;
-/// The camera that stands where a visitor would, and is no camera of an agent.
-const BEAUTY: &str = "beauty";
-
+/// How long the end of an animation is shown, milliseconds.
+const END_MS: u32 = 1000;
+const ANIMATION_SIZE: Size = Size { width: 320, height: 240 };
 const PLANNER_RGB: [u8; 3] = [30, 110, 220];
 const BEZIER_RGB: [u8; 3] = [240, 140, 20];
 const SUCCESS_RGB: [u8; 3] = [20, 150, 70];
 const FAILURE_RGB: [u8; 3] = [215, 95, 95];
-/// Rows of a picture for each pixel of a line's width, and of a letter's dots.
-const ROWS_PER_DOT: f32 = 240.0;
 
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
-    #[command(flatten)]
-    task: TaskArgument,
+    /// The task, one of `lpr tasks`
+    #[arg(value_name = "TASK", value_parser = Task::by_name, required_unless_present = "episode")]
+    task: Option<&'static Task>,
+    /// Draw a recorded episode as an animated GIF: the candidates of each step coloured by value, then what ran
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["task", "robot", "seed", "demo", "candidates", "keyframe"])]
+    episode: Option<PathBuf>,
     #[command(flatten)]
     robot: RobotArgument,
     /// Seed of the scene
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    #[arg(long, value_name = "NAME", default_value = "front", value_parser = parse_camera, help = camera_help())]
-    camera: String,
+    #[arg(long, value_name = "NAME", value_parser = parse_camera, help = camera_help())]
+    camera: Option<String>,
     /// Width and height, pixels [default: 640x480, of an animation 320x240]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<Size>,
@@ -52,7 +54,7 @@ pub(super) struct Arguments {
     /// Draw the scene before this keyframe of the demonstration, counted from 0
     #[arg(long, value_name = "K", default_value_t = 0, conflicts_with = "demo")]
     keyframe: usize,
-    /// The file to write: .png, or .gif with --demo
+    /// The file to write: .png, or .gif with --demo and --episode
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
 }
@@ -66,12 +68,6 @@ enum Colours {
     Outcome,
 }
 
-#[derive(Debug, Clone, Copy)]
-struct Size {
-    width: u16,
-    height: u16,
-}
-
 #[derive(Debug, Serialize)]
 pub(super) struct Report {
     file: PathBuf,
@@ -83,7 +79,7 @@ pub(super) struct Report {
 }
 
 fn camera_help() -> String {
-    format!("Camera: {} or {BEAUTY}", CAMERA_NAMES.join(", "))
+    format!("Camera: {} or {BEAUTY} [default: front, of an episode {BEAUTY}]", CAMERA_NAMES.join(", "))
 }
 
 fn parse_camera(name: &str) -> Result<String, String> {
@@ -100,31 +96,47 @@ fn parse_size(text: &str) -> Result<Size, String> {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Report> {
-    let Arguments { task: TaskArgument { task }, robot: RobotArgument { robot }, .. } = arguments;
-    paths::check_keyframe(task, arguments.keyframe)?;
-    let extension = if arguments.demo { "gif" } else { "png" };
+    let is_animation = arguments.demo || arguments.episode.is_some();
+    let extension = if is_animation { "gif" } else { "png" };
     if arguments.out.extension().is_none_or(|found| found != extension) {
         return Err(Failure::Usage(format!("--out {}: expected a name that ends in .{extension}", arguments.out.display())));
     }
-    let env = SimEnvironment::new(task, robot, arguments.seed, &["front"], &SimParams::STANDARD)?;
+    if let Some(episode) = &arguments.episode {
+        return render_episode(arguments, &EpisodeFile::read(episode)?);
+    }
+    let Some(task) = arguments.task else { return Err(Failure::Usage("expected a task or --episode FILE".to_owned())) };
+    paths::check_keyframe(task, arguments.keyframe)?;
+    let env = SimEnvironment::new(task, arguments.robot.robot, arguments.seed, &["front"], &SimParams::STANDARD)?;
     if arguments.demo { render_demo(arguments, &env) } else { render_scene(arguments, &env) }
+}
+
+fn render_episode(arguments: &Arguments, episode: &EpisodeFile) -> Result<Report> {
+    let size = arguments.size.unwrap_or(ANIMATION_SIZE);
+    let mut artist = Artist::new(arguments.camera.as_deref().unwrap_or(BEAUTY), size);
+    let pictures = animation::episode(episode, &mut artist)?;
+    written_gif(arguments, size, &pictures)
+}
+
+fn written_gif(arguments: &Arguments, size: Size, pictures: &[Shown]) -> Result<Report> {
+    images::write_gif(&arguments.out, size.width, size.height, pictures)?;
+    Ok(Report { file: arguments.out.clone(), width: size.width, height: size.height, frames: Some(pictures.len()) })
 }
 
 fn render_scene(arguments: &Arguments, env: &SimEnvironment) -> Result<Report> {
     let size = arguments.size.unwrap_or(Size { width: 640, height: 480 });
-    let mut artist = Artist::new(&arguments.camera, size);
+    let mut artist = Artist::new(arguments.camera.as_deref().unwrap_or(CAMERA_NAMES[0]), size);
     let picture = if arguments.keyframe == 0 && arguments.candidates.is_none() {
         artist.draw(env.world(), &[])?
     } else {
         let snapshot = &snapshots(arguments, env)?[arguments.keyframe];
-        artist.draw(snapshot.env.world(), &lines(arguments, snapshot, arguments.keyframe))?
+        draw(&mut artist, snapshot.env.world(), &lines(arguments, snapshot, arguments.keyframe))?
     };
     images::write_png(&arguments.out, size.width.into(), size.height.into(), &picture.rgb)?;
     Ok(Report { file: arguments.out.clone(), width: size.width, height: size.height, frames: None })
 }
 
 fn render_demo(arguments: &Arguments, env: &SimEnvironment) -> Result<Report> {
-    let size = arguments.size.unwrap_or(Size { width: 320, height: 240 });
+    let size = arguments.size.unwrap_or(ANIMATION_SIZE);
     let demo = demonstrate(&mut env.clone(), &mut stream(arguments.seed, Stream::Demo, 0));
     let lines: Vec<_> = match arguments.candidates {
         Some(_) => {
@@ -134,18 +146,29 @@ fn render_demo(arguments: &Arguments, env: &SimEnvironment) -> Result<Report> {
         None => Vec::new(),
     };
     let frames_per_picture = (GIF_PERIOD_MS as f32 / 1000.0 / env.world().params().control_dt).round().max(1.0) as usize;
-    let mut artist = Artist::new(&arguments.camera, size);
+    let mut artist = Artist::new(arguments.camera.as_deref().unwrap_or(CAMERA_NAMES[0]), size);
     let mut pictures = Vec::new();
     for idx in (0..demo.frames.len()).step_by(frames_per_picture) {
         let keyframe = demo.waypoint_frames.partition_point(|&end| end <= idx);
         let lines = lines.get(keyframe).or(lines.last()).map_or(&[][..], Vec::as_slice);
-        pictures.push(artist.draw(&demo.frames[idx], lines)?.rgb);
+        pictures.push(Shown { pixels: draw(&mut artist, &demo.frames[idx], lines)?.rgb, millis: GIF_PERIOD_MS });
     }
-    // The end is shown for a second.
-    let last = pictures[pictures.len() - 1].clone();
-    pictures.extend(core::iter::repeat_n(last, 1000 / GIF_PERIOD_MS as usize));
-    images::write_gif(&arguments.out, size.width, size.height, &pictures, GIF_PERIOD_MS)?;
-    Ok(Report { file: arguments.out.clone(), width: size.width, height: size.height, frames: Some(pictures.len()) })
+    if let Some(last) = pictures.last_mut() {
+        last.millis = END_MS;
+    }
+    written_gif(arguments, size, &pictures)
+}
+
+/// The scene with its lines, and how many there are of each class.
+fn draw(artist: &mut Artist<'_>, world: &World, lines: &[(Line, &'static Class)]) -> Result<Picture> {
+    let drawn: Vec<_> = lines.iter().map(|(line, _)| line.clone()).collect();
+    let mut picture = artist.draw(world, &drawn)?;
+    let counted = [&PLANNER, &BEZIER, &SUCCESS, &FAILURE].into_iter().filter_map(|class| {
+        let n = lines.iter().filter(|(_, other)| *other == class).count();
+        (n > 0).then(|| (format!("{n} {}", class.name), class.rgb))
+    });
+    artist.write(&mut picture, &counted.collect::<Vec<_>>());
+    Ok(picture)
 }
 
 fn snapshots(arguments: &Arguments, env: &SimEnvironment) -> Result<Vec<KeyframeSnapshot>> {
@@ -153,12 +176,6 @@ fn snapshots(arguments: &Arguments, env: &SimEnvironment) -> Result<Vec<Keyframe
         let message = format!("the demonstration of {} in scene {} fails: choose another seed", env.task().name, arguments.seed);
         lpr_core::Error::Environment(message).into()
     })
-}
-
-/// The grip's way along a candidate.
-struct Line {
-    points: Vec<Vec3>,
-    class: &'static Class,
 }
 
 /// What the colour of a line says.
@@ -176,11 +193,11 @@ static FAILURE: Class = Class { name: "fail", rgb: FAILURE_RGB, width: 0.7 };
 static SUCCESS: Class = Class { name: "succeed", rgb: SUCCESS_RGB, width: 1.5 };
 
 /// The candidates of a keyframe as lines, those that succeed last, so that they lie on top.
-fn lines(arguments: &Arguments, snapshot: &KeyframeSnapshot, keyframe: usize) -> Vec<Line> {
+fn lines(arguments: &Arguments, snapshot: &KeyframeSnapshot, keyframe: usize) -> Vec<(Line, &'static Class)> {
     let settings = default_preset().candidates;
     let streams = CandidateStreams { seed: arguments.seed, step: keyframe as u64 };
     let robot = snapshot.env.robot();
-    let line = |path: &JointPath, class| Line { points: grip_points(robot, path), class };
+    let line = |path: &JointPath, class: &'static Class| (Line::of(robot, path, class.rgb, class.width), class);
     match arguments.candidates {
         None => Vec::new(),
         Some(Colours::Source) => {
@@ -199,70 +216,6 @@ fn lines(arguments: &Arguments, snapshot: &KeyframeSnapshot, keyframe: usize) ->
 
 fn source_class(source: Source) -> &'static Class {
     if source == Source::Bezier { &BEZIER } else { &PLANNER }
-}
-
-/// Points of the grip along a path, close enough to look curved where the arm's joints make a curve.
-fn grip_points(robot: &Robot, path: &JointPath) -> Vec<Vec3> {
-    const N_POINTS: usize = 120;
-    path.subdivide(N_POINTS).configs().iter().map(|config| robot.grip(config).translation).collect()
-}
-
-/// Draws worlds from one camera.
-struct Artist<'a> {
-    renderer: Renderer,
-    camera: &'a str,
-    size: Size,
-}
-
-impl<'a> Artist<'a> {
-    fn new(camera: &'a str, size: Size) -> Self {
-        Self { renderer: Renderer::for_pictures(), camera, size }
-    }
-
-    fn draw(&mut self, world: &World, lines: &[Line]) -> Result<Picture> {
-        let items = SimEnvironment::picture_items(world, &mut self.renderer)?;
-        let camera = self.camera(world)?;
-        let mut picture = self.renderer.render_picture(&camera, &items, SAMPLES);
-        for Line { points, class } in lines {
-            let stroke = Stroke { rgb: class.rgb, width: class.width * self.dot(), hidden_opacity: 0.3 };
-            picture.draw_polyline(&camera, points, &stroke);
-        }
-        self.draw_legend(&mut picture, lines);
-        Ok(picture)
-    }
-
-    /// How many lines there are of each class.
-    fn draw_legend(&self, picture: &mut Picture, lines: &[Line]) {
-        let scale = self.dot() as usize;
-        let margin = 6 * scale as i32;
-        let mut top = margin;
-        for class in [&PLANNER, &BEZIER, &SUCCESS, &FAILURE] {
-            let n = lines.iter().filter(|line| line.class == class).count();
-            if n > 0 {
-                picture.draw_text([margin, top], &format!("{n} {}", class.name), class.rgb, scale);
-                top += 10 * scale as i32;
-            }
-        }
-    }
-
-    /// Width of a line, pixels.
-    fn dot(&self) -> f32 {
-        (f32::from(self.size.height) / ROWS_PER_DOT).max(1.0)
-    }
-
-    fn camera(&self, world: &World) -> Result<Camera> {
-        let robot = world.robot();
-        let world_from_flange = Pose3::from(robot.flange(world.config()));
-        let camera = if self.camera == BEAUTY { beauty(robot) } else { Camera::by_name(self.camera, robot, &world_from_flange)? };
-        Ok(camera.with_size(self.size.width.into(), self.size.height.into()))
-    }
-}
-
-/// A view over the whole arm and the workspace from the front and the side.
-fn beauty(robot: &Robot) -> Camera {
-    let center = robot.workspace_center.extend(0.0);
-    let position = center + Vec3::new(1.03, 1.25, 0.95);
-    Camera::looking_at(BEAUTY, position, center + Vec3::new(-0.17, 0.0, 0.36), 37_f32.to_radians())
 }
 
 impl fmt::Display for Report {

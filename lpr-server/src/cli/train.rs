@@ -1,35 +1,23 @@
 //! `lpr train`: Algorithm 1 on a task, with validation, checkpoints and a final evaluation.
 
-use super::eval::{EvalReport, evaluation_report, simulator};
-use super::{Failure, Result, RobotArgument};
-use crate::files::{self, FileError};
-use crate::metrics::{self, MetricsWriter};
-use crate::run_directory;
-use crate::tensorboard::EventWriter;
+mod demonstrations;
+mod progress;
+mod session;
+
+use super::eval::EvalReport;
+use super::{Result, RobotArgument};
+use crate::files::FileError;
 use clap::Args;
 use core::fmt;
-use core::ops::Range;
-use lpr_core::agent::{Method, PoseSource};
+use lpr_core::agent::Method;
 use lpr_core::config::Config;
-use lpr_core::evaluate::{Evaluation, evaluate};
+use lpr_core::evaluate::Evaluation;
 use lpr_core::nn::Backend;
-use lpr_core::sim::SimEnvironment;
-use lpr_core::sim::recording::record_demo;
+use lpr_core::perception::{CAMERA_NAMES, Camera};
 use lpr_core::sim::tasks::Task;
-use lpr_core::train::{Run, StepLog, Trainer, demonstration_scene};
 use serde::Serialize;
-use std::io::{self, Write as _};
+use session::Session;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
-
-/// Scene seeds that stopping and tuning look at.
-const VALIDATION_SEEDS: u64 = 1000;
-/// Scene seeds of the final evaluation, used once.
-const TEST_SEEDS: Range<u64> = 5000..5100;
-/// Validation success at which a run stops by itself.
-const GOOD_ENOUGH: f64 = 0.97;
-/// Validations in a row that have to be that good.
-const GOOD_VALIDATIONS: usize = 2;
 
 /// Options of `lpr train`.
 #[derive(Debug, Args)]
@@ -51,9 +39,15 @@ pub(super) struct Arguments {
     /// Demonstrations, in place of the preset's number
     #[arg(long)]
     demos: Option<usize>,
+    /// Learn from the demonstrations of this directory, as `lpr demo --out` writes them
+    #[arg(long, value_name = "DIR", conflicts_with = "demos")]
+    demo_dir: Option<PathBuf>,
     /// Take next-best poses from the demonstrator: only paths are learned
     #[arg(long)]
     oracle_poses: bool,
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', default_value = "front", value_parser = Camera::known_name,
+          help = cameras_help())]
+    cameras: Vec<&'static str>,
     /// Seed of everything drawn
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -69,6 +63,13 @@ pub(super) struct Arguments {
     /// Go on from the newest checkpoint in --out
     #[arg(long)]
     resume: bool,
+    /// What computes the networks: flex, or ndarray where the program was built with it
+    #[arg(long, value_parser = Backend::by_name, default_value = "flex")]
+    backend: Backend,
+}
+
+fn cameras_help() -> String {
+    format!("What the agent sees with, separated by commas: {}", CAMERA_NAMES.join(", "))
 }
 
 /// What `lpr train` reports and writes to `summary.json`.
@@ -103,18 +104,6 @@ impl ValidationPoint {
     }
 }
 
-/// A run with the files that it writes.
-struct Session<'a> {
-    arguments: &'a Arguments,
-    trainer: Trainer<SimEnvironment>,
-    environment: SimEnvironment,
-    metrics: MetricsWriter,
-    events: EventWriter,
-    started: Instant,
-    demonstrations_only: Option<ValidationPoint>,
-    good_validations: usize,
-}
-
 pub(super) fn run(arguments: &Arguments) -> Result<Report> {
     if !(arguments.minutes.is_finite() && arguments.minutes > 0.0) {
         return Err(lpr_core::Error::Config(format!("--minutes: above 0, got {}", arguments.minutes)).into());
@@ -128,16 +117,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
     session.finish(stopped_by)
 }
 
-fn wall_clock() -> f64 {
-    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64())
-}
-
-/// Progress for people, on standard error; nobody may be listening.
-fn say(text: &str) {
-    let _ = writeln!(io::stderr(), "{text}");
-}
-
-/// The preset of that name, or the file of that path.
+/// The preset of that name, or the file of that path; the table that says what a run was of is left out.
 pub(super) fn load_config(preset: &str) -> Result<Config> {
     let path = Path::new(preset);
     // A run that is called `fast` does not hide the preset.
@@ -145,253 +125,10 @@ pub(super) fn load_config(preset: &str) -> Result<Config> {
         return Ok(Config::preset(preset)?);
     }
     let text = std::fs::read_to_string(path).map_err(FileError::io("read", path))?;
-    Config::from_toml(&text).map_err(|error| FileError::content(path, error.to_string()).into())
-}
-
-impl<'a> Session<'a> {
-    fn create(arguments: &'a Arguments) -> Result<Self> {
-        let mut config = load_config(&arguments.preset)?;
-        if let Some(demos) = arguments.demos {
-            config.training.demonstrations = demos;
-        }
-        let poses = if arguments.oracle_poses { PoseSource::Oracle } else { PoseSource::Learned };
-        let environment = simulator(arguments.task, arguments.robot.robot, poses, &config)?;
-        let run = Run {
-            task: arguments.task.name.to_owned(),
-            method: arguments.method,
-            poses,
-            backend: Backend::Flex,
-            seed: arguments.seed,
-        };
-        files::refuse_non_empty(&arguments.out)?;
-        let mut trainer = Trainer::new(config, run, environment.clone())?;
-        add_demonstrations(&mut trainer, &environment)?;
-        // Not before: settings that cannot work leave nothing behind.
-        run_directory::create(&arguments.out, &trainer.config().to_toml())?;
-        let metrics = MetricsWriter::create(&arguments.out)?;
-        let events = EventWriter::create(&arguments.out, wall_clock())?;
-        let mut session = Self::new(arguments, trainer, environment, metrics, events);
-        session.learn_from_demonstrations()?;
-        Ok(session)
-    }
-
-    fn resume(arguments: &'a Arguments) -> Result<Self> {
-        let (step, checkpoint) = run_directory::latest(&arguments.out)?;
-        let unusable = |error| run_directory::unusable(&arguments.out, step, &error);
-        let header = lpr_core::checkpoint::read_header(&checkpoint.weights).map_err(unusable)?;
-        refuse_other_run(arguments, &header.run).map_err(unusable)?;
-        let environment = simulator(arguments.task, arguments.robot.robot, header.run.poses, &header.config)?;
-        let trainer = Trainer::resume(&checkpoint, environment.clone()).map_err(unusable)?;
-        run_directory::clean(&arguments.out)?;
-        let metrics = MetricsWriter::resume(&arguments.out, step)?;
-        let events = EventWriter::resume(&arguments.out, step)?;
-        say(&format!("resumed at environment step {step}"));
-        let mut session = Self::new(arguments, trainer, environment, metrics, events);
-        session.recall_time()?;
-        session.recall_validations()?;
-        Ok(session)
-    }
-
-    /// Time goes on from where the checkpoint was made, so that --minutes is a cap on the whole run.
-    fn recall_time(&mut self) -> Result<()> {
-        let seconds = metrics::history(&self.arguments.out, "wall_seconds")?.last().map_or(0.0, |&(_, seconds)| seconds);
-        let earlier = Duration::try_from_secs_f64(seconds).unwrap_or_default();
-        self.started = self.started.checked_sub(earlier).unwrap_or(self.started);
-        Ok(())
-    }
-
-    /// What the validations before the checkpoint found: it decides when to stop, and the first is reported.
-    fn recall_validations(&mut self) -> Result<()> {
-        let episodes = metrics::history(&self.arguments.out, "validation/episodes")?;
-        let successes = metrics::history(&self.arguments.out, "validation/successes")?;
-        for ((step, episodes), (_, successes)) in episodes.into_iter().zip(successes) {
-            let validation = ValidationPoint::new(episodes as u64, successes as u64);
-            match step {
-                0 => self.demonstrations_only = Some(validation),
-                _ => self.count_validation(&validation),
-            }
-        }
-        Ok(())
-    }
-
-    fn new(
-        arguments: &'a Arguments,
-        trainer: Trainer<SimEnvironment>,
-        environment: SimEnvironment,
-        metrics: MetricsWriter,
-        events: EventWriter,
-    ) -> Self {
-        let started = Instant::now();
-        Self { arguments, trainer, environment, metrics, events, started, demonstrations_only: None, good_validations: 0 }
-    }
-
-    /// The updates on demonstrations alone, and what they achieve.
-    fn learn_from_demonstrations(&mut self) -> Result<()> {
-        let total = self.trainer.demonstration_updates_left();
-        while self.trainer.demonstration_updates_left() > 0 {
-            self.trainer.update()?;
-        }
-        let validation = self.validate()?;
-        say(&format!(
-            "after {total} updates on demonstrations alone ({:.0} s): {} of {} validation episodes",
-            self.started.elapsed().as_secs_f64(),
-            validation.successes,
-            validation.episodes
-        ));
-        self.demonstrations_only = Some(validation);
-        self.save()
-    }
-
-    /// Trains until something stops it; says what.
-    fn train(&mut self) -> Result<&'static str> {
-        loop {
-            if let Some(reason) = self.reason_to_stop() {
-                return Ok(reason);
-            }
-            let log = self.trainer.step()?;
-            self.write(&log)?;
-            let steps = log.progress.env_steps;
-            if steps % self.trainer.config().training.validation_interval == 0 {
-                let validation = self.validate()?;
-                self.report_progress(steps, &validation);
-                self.save()?;
-                self.count_validation(&validation);
-            }
-        }
-    }
-
-    fn count_validation(&mut self, validation: &ValidationPoint) {
-        let good = validation.success_rate >= GOOD_ENOUGH;
-        self.good_validations = if good { self.good_validations + 1 } else { 0 };
-    }
-
-    fn reason_to_stop(&self) -> Option<&'static str> {
-        let progress = self.trainer.progress();
-        if self.arguments.env_steps.is_some_and(|most| progress.env_steps >= most) {
-            Some("env_steps")
-        } else if self.arguments.stop_after_successes.is_some_and(|most| progress.successes_in_a_row >= most) {
-            Some("successes")
-        } else if self.good_validations >= GOOD_VALIDATIONS {
-            Some("validation")
-        } else if self.started.elapsed().as_secs_f64() >= 60.0 * self.arguments.minutes {
-            Some("minutes")
-        } else {
-            None
-        }
-    }
-
-    fn validate(&mut self) -> Result<ValidationPoint> {
-        let n = self.trainer.config().training.validation_episodes;
-        let seeds = VALIDATION_SEEDS..VALIDATION_SEEDS + n;
-        let found = evaluate(self.trainer.agent(), &mut self.environment, seeds, |_| {})?;
-        let validation = ValidationPoint::new(found.episodes, found.successes);
-        self.write_validation(&validation)?;
-        Ok(validation)
-    }
-
-    fn write_validation(&mut self, validation: &ValidationPoint) -> Result<()> {
-        let ValidationPoint { episodes, successes, success_rate } = *validation;
-        let values = [
-            ("validation/episodes", episodes as f64),
-            ("validation/successes", successes as f64),
-            ("validation/success_rate", success_rate),
-        ];
-        let step = self.trainer.progress().env_steps;
-        self.metrics.write(step, &values)?;
-        Ok(self.events.write_scalars(step, wall_clock(), &values.map(|(name, value)| (name, value as f32)))?)
-    }
-
-    fn write(&mut self, log: &StepLog) -> Result<()> {
-        let mut values: Vec<(&str, f64)> = log.metrics.iter().map(|(name, value)| (name, f64::from(value))).collect();
-        values.push(("updates", log.updates as f64));
-        values.push(("wall_seconds", self.started.elapsed().as_secs_f64()));
-        self.metrics.write(log.progress.env_steps, &values)?;
-        let scalars: Vec<_> = log.metrics.iter().collect();
-        Ok(self.events.write_scalars(log.progress.env_steps, wall_clock(), &scalars)?)
-    }
-
-    fn report_progress(&self, steps: u64, validation: &ValidationPoint) {
-        let seconds = self.started.elapsed().as_secs_f64();
-        let left = (60.0 * self.arguments.minutes - seconds).max(0.0);
-        say(&format!(
-            "step {steps}, {} updates, {seconds:.0} s (at most {left:.0} s left): {} of {} validation episodes",
-            self.trainer.updates().paths.max(self.trainer.updates().q_attention),
-            validation.successes,
-            validation.episodes
-        ));
-    }
-
-    fn save(&self) -> Result<()> {
-        let checkpoint = self.trainer.checkpoint()?;
-        Ok(run_directory::save(&self.arguments.out, self.trainer.progress().env_steps, &checkpoint)?)
-    }
-
-    fn finish(mut self, stopped_by: &'static str) -> Result<Report> {
-        let wall_seconds = self.started.elapsed().as_secs_f64();
-        self.save()?;
-        let found = evaluate(self.trainer.agent(), &mut self.environment, TEST_SEEDS, |_| {})?;
-        let progress = self.trainer.progress();
-        let updates = self.trainer.updates();
-        let report = Report {
-            task: self.arguments.task.name.to_owned(),
-            method: self.trainer.run().method.name(),
-            oracle_poses: self.trainer.run().poses == PoseSource::Oracle,
-            seed: self.trainer.run().seed,
-            env_steps: progress.env_steps,
-            episodes: progress.episodes,
-            updates: updates.paths.max(updates.q_attention),
-            wall_seconds,
-            stopped_by,
-            demonstrations_only: self.demonstrations_only,
-            eval: evaluation_report(self.arguments.task.name, self.trainer.run().method.name(), &found),
-        };
-        run_directory::write_summary(&self.arguments.out, &report)?;
-        Ok(report)
-    }
-}
-
-/// Refuses to go on with a run of other options than those that are given. Options with their default value may be left out.
-fn refuse_other_run(arguments: &Arguments, run: &Run) -> lpr_core::Result<()> {
-    let differs = |option: &str, found: &dyn fmt::Display, asked: &dyn fmt::Display| {
-        Err(lpr_core::Error::Checkpoint(format!("of {option} `{found}`, asked to resume `{asked}`")))
-    };
-    if run.task != arguments.task.name {
-        return differs("task", &run.task, &arguments.task.name);
-    }
-    if arguments.method != Method::Lpr && arguments.method != run.method {
-        return differs("method", &run.method.name(), &arguments.method.name());
-    }
-    if arguments.seed != 0 && arguments.seed != run.seed {
-        return differs("seed", &run.seed, &arguments.seed);
-    }
-    if arguments.oracle_poses && run.poses == PoseSource::Learned {
-        return differs("poses", &"learned", &"--oracle-poses");
-    }
-    Ok(())
-}
-
-/// Records demonstrations until the configuration's number has succeeded, each with its augmentation.
-fn add_demonstrations(trainer: &mut Trainer<SimEnvironment>, environment: &SimEnvironment) -> Result<()> {
-    /// Demonstrations that may fail for each that is asked for.
-    const TRIES: u64 = 4;
-    let wanted = trainer.config().training.demonstrations;
-    let settings = trainer.config().demos.clone();
-    let seed = trainer.run().seed;
-    let mut recorded = 0;
-    for demo in 0..wanted as u64 * TRIES {
-        if recorded == wanted {
-            break;
-        }
-        if let Some(chains) = record_demo(environment, demonstration_scene(seed, demo), &settings)? {
-            chains.iter().try_for_each(|chain| trainer.add_demonstration(chain))?;
-            recorded += 1;
-        }
-    }
-    if recorded < wanted {
-        let reason = format!("only {recorded} of {wanted} demonstrations succeeded");
-        return Err(Failure::Core(lpr_core::Error::Environment(reason)));
-    }
-    Ok(())
+    // The core says what is wrong with a text that is no table.
+    let mut table = text.parse::<toml::Table>().unwrap_or_default();
+    let settings = if table.remove(session::RUN_TABLE).is_some() { table.to_string() } else { text };
+    Config::from_toml(&settings).map_err(|error| FileError::content(path, error.to_string()).into())
 }
 
 impl fmt::Display for Report {
