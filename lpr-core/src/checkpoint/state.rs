@@ -10,7 +10,7 @@ use crate::nn::{AdamState, NamedTensor};
 use crate::path::{JointPath, Source};
 use crate::perception::{Proprio, VoxelBounds};
 use crate::policy::PolicyState;
-use crate::q_attention::{DepthState, NextBestPose, QObservation, StoredPoint};
+use crate::q_attention::{DepthState, NextBestPose, QObservation, StoredPoint, Weights};
 use crate::ranker::{RankedPath, RankerContext, RankerState};
 use crate::replay::{Decision, Replay, ReplaySettings, ReplayState, Step, TransitionRow, join_steps, split_steps};
 use crate::robot::{Gripper, JointConfig};
@@ -45,10 +45,11 @@ pub(super) struct State {
     episode: Option<StoredEpisode>,
 }
 
-/// What learns beside an online network: that stands with the weights.
+/// What learns beside the network that acts: that stands with the weights.
 #[derive(Debug, Serialize, Deserialize)]
 struct StoredLearner {
-    target: Vec<NamedTensor>,
+    /// The target network; where that acts, the online network.
+    other: Vec<NamedTensor>,
     adam: AdamState,
 }
 
@@ -113,8 +114,13 @@ impl State {
         let mut rows = rows.into_iter();
         let [paths, successes, scenes] = buffers
             .map(|buffer| StoredBuffer { rows: rows.by_ref().take(buffer.rows().len()).collect(), replay: buffer.state() });
-        let stored_depth = |DepthState { target, adam, .. }| StoredLearner { target, adam };
-        let stored_ranker = |RankerState { target, adam, .. }| StoredLearner { target, adam };
+        let acting = trainer.config.training.acting_weights;
+        let stored_depth = |depth: DepthState| {
+            let adam = depth.adam.clone();
+            let [_, other] = depth.acting_first(acting);
+            StoredLearner { other, adam }
+        };
+        let stored_ranker = |RankerState { target, adam, .. }| StoredLearner { other: target, adam };
         Self {
             weights_digest,
             progress: trainer.progress,
@@ -132,7 +138,7 @@ impl State {
 
     /// Brings a trainer with the weights of this checkpoint to this state.
     pub(super) fn restore<E>(mut self, trainer: &mut Trainer<E>) -> Result<()> {
-        self.restore_networks(&mut trainer.agent.networks)?;
+        self.restore_networks(&mut trainer.agent.networks, trainer.config.training.acting_weights)?;
         let steps: Vec<_> = self.steps.into_iter().map(|step| step.restore().map(Arc::new)).collect::<Result<_>>()?;
         let settings = &trainer.config.replay;
         let uniform = ReplaySettings { priority_exponent: 0.0, ..settings.clone() };
@@ -151,16 +157,20 @@ impl State {
         Ok(())
     }
 
-    /// Targets and optimisers.
-    fn restore_networks(&mut self, networks: &mut Networks) -> Result<()> {
+    /// The networks that do not act, and optimisers.
+    fn restore_networks(&mut self, networks: &mut Networks, acting: Weights) -> Result<()> {
         match (&mut networks.q_attention, self.q_attention.take()) {
             (Some(attention), Some(stored)) => {
                 let mut state = attention.state();
                 if state.depths.len() != stored.len() {
                     return Err(damaged(&format!("{} depths of Q-attention, expected {}", stored.len(), state.depths.len())));
                 }
-                for (depth, StoredLearner { target, adam }) in state.depths.iter_mut().zip(stored) {
-                    (depth.target, depth.adam) = (target, adam);
+                for (depth, StoredLearner { other, adam }) in state.depths.iter_mut().zip(stored) {
+                    depth.adam = adam;
+                    match acting {
+                        Weights::Online => depth.target = other,
+                        Weights::Target => depth.online = other,
+                    }
                 }
                 attention.restore(&state)?;
             }
@@ -168,7 +178,7 @@ impl State {
             _ => return Err(damaged("Q-attention is in one file and not in the other")),
         }
         match (&mut networks.ranker, self.ranker.take()) {
-            (Some(ranker), Some(StoredLearner { target, adam })) => {
+            (Some(ranker), Some(StoredLearner { other: target, adam })) => {
                 let online = ranker.state().online;
                 ranker.restore(&RankerState { online, target, adam })?;
             }

@@ -1,6 +1,6 @@
 use super::*;
 use crate::agent::{Method, PoseSource};
-use crate::q_attention::NetworkSettings;
+use crate::q_attention::{NetworkSettings, Weights};
 use crate::robot::{PANDA, XARM7};
 use crate::toy::Toy;
 use crate::train::Run;
@@ -52,7 +52,7 @@ fn a_resumed_run_goes_on_bit_by_bit_from_any_step() {
 
 #[test]
 fn learned_poses_go_on_bit_by_bit_too() {
-    let mut straight = attentive();
+    let mut straight = attentive(Weights::Online);
     metrics(&mut straight, 3);
     let checkpoint = straight.checkpoint().expect("a small seed");
     let mut resumed = Trainer::resume(&checkpoint, Toy::new(&PANDA)).expect("an intact checkpoint");
@@ -61,9 +61,28 @@ fn learned_poses_go_on_bit_by_bit_too() {
     assert!(straight.updates().q_attention > 0);
 }
 
+#[test]
+fn the_weights_alone_make_an_agent_that_attends_alike_whichever_network_acts() {
+    for acting in [Weights::Online, Weights::Target] {
+        let mut trainer = attentive(acting);
+        metrics(&mut trainer, 3);
+        let checkpoint = trainer.checkpoint().expect("a small seed");
+        let saved = load_agent(&checkpoint.weights).expect("an intact file");
+        let observation = trainer.environment().observe();
+        let seen = trainer.agent().attended(&observation).expect("poses are learned");
+        let goal =
+            |agent: &crate::agent::Agent| agent.goal(&seen).expect("poses are learned").attention.map(|choice| choice.value);
+        assert_eq!(goal(&saved.agent), goal(trainer.agent()));
+        let mut resumed = Trainer::resume(&checkpoint, Toy::new(&PANDA)).expect("an intact checkpoint");
+        assert_eq!(metrics(&mut trainer, 2), metrics(&mut resumed, 2));
+        assert_eq!(trainer.checkpoint(), resumed.checkpoint());
+    }
+}
+
 /// A trainer that learns poses, too, with a small network.
-fn attentive() -> Trainer<Toy> {
+fn attentive(acting: Weights) -> Trainer<Toy> {
     let mut config = config();
+    config.training.acting_weights = acting;
     config.training.q_attention_updates_per_step = 1;
     config.training.q_attention_batch = 2;
     config.q_attention.voxels_per_side = 8;

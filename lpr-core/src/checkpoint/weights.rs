@@ -1,4 +1,4 @@
-//! `weights.safetensors`: the online networks, and in the metadata what they are of.
+//! `weights.safetensors`: the networks that act, and in the metadata what they are of.
 
 use super::digest;
 use crate::agent::{Agent, Init, Networks};
@@ -98,8 +98,11 @@ pub fn load_agent(weights: &[u8]) -> Result<SavedAgent> {
 pub(super) fn write<E>(trainer: &Trainer<E>) -> Result<Vec<u8>> {
     let networks = &trainer.agent.networks;
     let mut tensors = Vec::new();
-    let depths = networks.q_attention.iter().flat_map(|agent| agent.state().depths).enumerate();
-    tensors.extend(depths.flat_map(|(depth_idx, depth)| named(&depth_name(depth_idx), depth.online)));
+    let acting = trainer.config.training.acting_weights;
+    for (depth_idx, depth) in networks.q_attention.iter().flat_map(|agent| agent.state().depths).enumerate() {
+        let [acting, _] = depth.acting_first(acting);
+        tensors.extend(named(&depth_name(depth_idx), acting));
+    }
     if let Some(ranker) = &networks.ranker {
         tensors.extend(named("ranker", ranker.state().online));
     }

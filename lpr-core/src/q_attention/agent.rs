@@ -99,6 +99,17 @@ pub struct DepthState {
     pub adam: AdamState,
 }
 
+impl DepthState {
+    /// Its online and target network: the one that `acting` names first.
+    #[must_use]
+    pub fn acting_first(self, acting: Weights) -> [Vec<NamedTensor>; 2] {
+        match acting {
+            Weights::Online => [self.online, self.target],
+            Weights::Target => [self.target, self.online],
+        }
+    }
+}
+
 /// What an update did, for the log and the priorities of the replay.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UpdateReport {
