@@ -61,6 +61,7 @@ impl TrainSettings {
             (self.exploration.is_valid(), "exploration: probabilities are 0 to 1, a temperature is above 0"),
             (self.cloud_spacing > 0.0, "cloud_spacing: above 0"),
             (self.validation_interval >= 1, "validation_interval: at least 1"),
+            (self.validation_episodes >= 1, "validation_episodes: at least 1"),
         ];
         let broken = rules.iter().find(|(holds, _)| !holds);
         broken.map_or(Ok(()), |(_, rule)| Err(Error::Config(format!("training.{rule}"))))
