@@ -37,7 +37,7 @@ fn main() {
     let arguments = std::env::args().skip(1).collect::<Vec<_>>();
     let [task, method, seed, n_steps, settings @ ..] = arguments.as_slice() else { panic!("task method seed steps [settings]") };
     let (seed, n_steps) = (seed.parse().unwrap(), n_steps.parse().unwrap());
-    let config = settings.iter().fold(Config::preset("fast").unwrap(), |config, setting| changed(&config, setting));
+    let config = settings.iter().fold(Config::preset("fast").unwrap(), |config, setting| config.with(setting).unwrap());
     let (method, backend, poses) = (Method::by_name(method).unwrap(), Backend::Flex, PoseSource::Oracle);
     let run = Run { task: task.clone(), method, poses, backend, seed, cameras: default_cameras() };
     let n_demos = config.training.demonstrations as u64;
@@ -53,19 +53,6 @@ fn main() {
         let demos: Vec<_> = recorded.take(n_demos as usize).flatten().collect();
         study(config, run, env, &demos, n_steps);
     }
-}
-
-/// `config` with `path.to.setting=value`.
-fn changed(config: &Config, setting: &str) -> Config {
-    let (path, value) = setting.split_once('=').unwrap();
-    let mut table: toml::Table = config.to_toml().parse().unwrap();
-    let (parents, name) = path.rsplit_once('.').unwrap();
-    let mut inner = &mut table;
-    for parent in parents.split('.') {
-        inner = inner.get_mut(parent).unwrap().as_table_mut().unwrap();
-    }
-    inner.insert(name.to_owned(), format!("value = {value}").parse::<toml::Table>().unwrap()["value"].clone());
-    Config::from_toml(&table.to_string()).unwrap()
 }
 
 fn study<E: Environment + Clone + Send + Sync>(config: Config, run: Run, environment: E, demos: &[DemoEpisode], n_steps: u64) {

@@ -37,7 +37,7 @@ fn main() {
     let arguments = std::env::args().skip(1).collect::<Vec<_>>();
     let [task, seed, n_updates, settings @ ..] = arguments.as_slice() else { panic!("task seed updates [settings]") };
     let (seed, n_updates): (u64, u64) = (seed.parse().unwrap(), n_updates.parse().unwrap());
-    let mut config = settings.iter().fold(Config::preset("fast").unwrap(), |config, setting| changed(&config, setting));
+    let mut config = settings.iter().fold(Config::preset("fast").unwrap(), |config, setting| config.with(setting).unwrap());
     config.training.demonstration_updates = n_updates;
     let task = Task::by_name(task).unwrap();
     let env = SimEnvironment::new(task, &XARM7, SCENES.start, &["front"], &config.simulator).unwrap();
@@ -77,19 +77,6 @@ fn main() {
         }
     }
     println!("{:.0} s in all", started.elapsed().as_secs_f64());
-}
-
-/// `config` with `path.to.setting=value`.
-fn changed(config: &Config, setting: &str) -> Config {
-    let (path, value) = setting.split_once('=').unwrap();
-    let mut table: toml::Table = config.to_toml().parse().unwrap();
-    let (parents, name) = path.rsplit_once('.').unwrap();
-    let mut inner = &mut table;
-    for parent in parents.split('.') {
-        inner = inner.get_mut(parent).unwrap().as_table_mut().unwrap();
-    }
-    inner.insert(name.to_owned(), format!("value = {value}").parse::<toml::Table>().unwrap()["value"].clone());
-    Config::from_toml(&table.to_string()).unwrap()
 }
 
 /// One line a keyframe.

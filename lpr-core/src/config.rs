@@ -111,6 +111,24 @@ impl Config {
         Ok(config)
     }
 
+    /// The same with one setting changed: `table.setting=value`, the value as in a preset.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::from_toml`]; and when there is no such table, or no value.
+    pub fn with(&self, setting: &str) -> Result<Self> {
+        let unusable = |why: &str| Error::Config(format!("{setting}: {why}"));
+        let (path, value) = setting.split_once('=').ok_or_else(|| unusable("expected table.setting=value"))?;
+        let value: toml::Table = format!("value = {value}").parse().map_err(|_| unusable("expected a value as in a preset"))?;
+        let mut root: toml::Value = self.to_toml().parse::<toml::Table>().expect("what was written can be read").into();
+        let (parents, name) = path.rsplit_once('.').ok_or_else(|| unusable("expected table.setting=value"))?;
+        let table = parents.split('.').try_fold(&mut root, |table, key| table.get_mut(key));
+        let table = table.and_then(toml::Value::as_table_mut).ok_or_else(|| unusable("no such table"))?;
+        table.extend(value.into_iter().map(|(_, value)| (name.to_owned(), value)));
+        let text = toml::to_string(&root).map_err(|error| unusable(&error.to_string()))?;
+        Self::from_toml(&text)
+    }
+
     /// The file that [`Self::from_toml`] reads.
     ///
     /// # Panics
@@ -233,6 +251,17 @@ mod tests {
         assert!(refusal("cloud_spacing = 0.01", "cloud_spacing = 0").contains("cloud_spacing"));
         assert!(refusal("widths = [64, 128, 256]", "widths = [64, 0, 256]").contains("ranker.config_widths[1]"));
         assert!(refusal("cell_channels = 32", "cell_channels = 0").contains("expected 1 to 8192, found 0"));
+    }
+
+    #[test]
+    fn one_setting_can_be_changed() {
+        let config = Config::preset("fast").expect("a preset");
+        let changed = config.with("candidates.rrt.range=0.5").expect("a setting");
+        assert_eq!(changed.candidates.rrt.range, 0.5);
+        assert_eq!(changed.with("candidates.rrt.range=1.0").as_ref(), Ok(&config));
+        for unusable in ["candidates", "candidates.nothing.range=1", "candidates.rrt.range=", "candidates.rrt.rnge=1", "x=1"] {
+            assert!(matches!(config.with(unusable), Err(Error::Config(_))), "{unusable}");
+        }
     }
 
     #[test]
