@@ -148,7 +148,7 @@ impl FastHead {
     fn new(sizes: FastSizes, head: FastHeadSizes, device: &Device, rng: &mut Rng) -> Self {
         let quarter = sizes.side / 4;
         let n_features = quarter * quarter * quarter * head.head_channels + 2 * sizes.block_channels + 2 * sizes.cell_channels;
-        let n_coefficients = if head.harmonics == 0 { head.rotation_bins } else { 2 * head.harmonics + 1 };
+        let n_coefficients = 2 * head.harmonics + 1;
         Self {
             narrow: Dense::new(sizes.block_channels, head.head_channels, KAIMING, device, rng),
             hidden: Dense::new(n_features, head.hidden, KAIMING, device, rng),
@@ -169,19 +169,13 @@ impl FastHead {
         let features = Tensor::cat(vec![in_place, pool(blocks, n), pool(cells, n)], 1);
         let hidden = relu(self.hidden.forward(features));
         let device = hidden.device();
-        let rotation = self.rotation.forward(hidden.clone());
-        let rotation = if self.harmonics == 0 {
-            rotation
-        } else {
-            let n_coefficients = 2 * self.harmonics + 1;
-            let basis = fourier_basis(self.harmonics, self.rotation_bins, &device);
-            rotation.reshape([3 * n, n_coefficients]).matmul(basis).reshape([n, 3 * self.rotation_bins])
-        };
+        let coefficients = self.rotation.forward(hidden.clone()).reshape([3 * n, 2 * self.harmonics + 1]);
+        let rotation = coefficients.matmul(fourier_basis(self.harmonics, self.rotation_bins, &device));
         PoseValues { rotation: rotation.reshape([n, 3, self.rotation_bins]), gripper: self.gripper.forward(hidden) }
     }
 
     fn macs(&self, n_blocks: usize) -> usize {
-        let series = if self.harmonics == 0 { 0 } else { 3 * (2 * self.harmonics + 1) * self.rotation_bins };
+        let series = 3 * (2 * self.harmonics + 1) * self.rotation_bins;
         n_blocks * self.narrow.num_params()
             + self.hidden.num_params()
             + self.rotation.num_params()
