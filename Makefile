@@ -2,9 +2,9 @@
 # set would build all of burn once more. lpr-wasm/build.sh builds without it.
 ALL := --locked --workspace --features lpr-core/ndarray
 
-.PHONY: check fmt lint doc test test-doc faults wasm
+.PHONY: check fmt lint doc page test test-doc faults
 
-check: fmt lint doc test test-doc wasm
+check: fmt lint doc page test test-doc
 
 fmt:
 	cargo fmt --all --check
@@ -15,6 +15,7 @@ lint:
 doc:
 	RUSTDOCFLAGS=-Dwarnings cargo doc $(ALL) --no-deps
 
+# With the page's tests, which visit what `make page` has built.
 test:
 	cargo nextest run $(ALL)
 
@@ -25,5 +26,11 @@ faults:
 test-doc:
 	cargo test $(ALL) --doc
 
-wasm:
+# The demo page, in www/dist: `lpr serve` serves it from there.
+page: www/node_modules
 	lpr-wasm/build.sh
+	cd www && npm run build
+
+www/node_modules: www/package-lock.json
+	cd www && npm ci --ignore-scripts --no-audit --no-fund
+	touch $@

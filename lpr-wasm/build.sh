@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Builds lpr-wasm for wasm32-unknown-unknown with the first toolchain that can: rustup's target, else Debian's rustc-web, which
-# builds the standard library from source. Usage: lpr-wasm/build.sh [directory for build products, default target-wasm].
+# Builds lpr-wasm for the page: the module with the first toolchain that can (rustup's target, else Debian's rustc-web, which
+# builds the standard library from source), then its JavaScript with wasm-bindgen, into www/src/wasm.
+# Usage: lpr-wasm/build.sh [directory for build products, default target-wasm].
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -20,6 +21,18 @@ has_debian_sources() {
         [[ -d $(/usr/bin/rustc --print sysroot)/lib/rustlib/src/rust/library ]]
 }
 
+# Prints the path of wasm-bindgen in exactly the version of the crate, which it has to have; installs it if it must.
+# Without --locked: its own lock file asks for a library version that not every mirror of the registry has.
+wasm_bindgen() {
+    local version tools=$target_dir/tools
+    version=$(sed -n 's/^wasm-bindgen = "=\(.*\)"$/\1/p' Cargo.toml)
+    if [[ "$("$tools/bin/wasm-bindgen" --version 2>/dev/null)" != "wasm-bindgen $version" ]]; then
+        echo "lpr-wasm: installing wasm-bindgen-cli $version" >&2
+        cargo install wasm-bindgen-cli --version "$version" --no-default-features --root "$tools" --target-dir "$tools/build" >&2
+    fi
+    echo "$tools/bin/wasm-bindgen"
+}
+
 if has_rustup_target; then
     echo "lpr-wasm: $(rustc --version) with its own $target"
     cargo "${arguments[@]}" --target-dir "$target_dir/rustup"
@@ -35,6 +48,7 @@ else
     exit 1
 fi
 
-module=$target_dir/lpr_wasm.wasm
-cp "$built/$target/wasm/lpr_wasm.wasm" "$module"
-echo "lpr-wasm: $module, $(stat -c %s "$module") bytes"
+generator=$(wasm_bindgen)
+"$generator" --target web --out-dir www/src/wasm "$built/$target/wasm/lpr_wasm.wasm"
+module=www/src/wasm/lpr_wasm_bg.wasm
+echo "lpr-wasm: $module, $(stat -c %s "$module") bytes, $(gzip -9c "$module" | wc -c) with gzip"

@@ -1,9 +1,14 @@
 //! What the demo page calls: a thin wasm-bindgen shell over [`lpr_core`].
 //!
-//! Every exported function forwards to plain Rust, so that the crate is tested natively.
+//! Everything that it does is in [`demo`], plain Rust that is tested natively; the shell turns values into what JavaScript
+//! takes: typed arrays for poses, JSON for the rest.
 
-use lpr_core::robot::ROBOTS;
-use wasm_bindgen::prelude::wasm_bindgen;
+pub mod demo;
+pub mod plan;
+pub mod scene;
+
+use serde::Serialize;
+use wasm_bindgen::prelude::{JsError, wasm_bindgen};
 
 /// Version of this build, as in `lpr --version`.
 #[must_use]
@@ -12,11 +17,145 @@ pub fn version() -> String {
     env!("CARGO_PKG_VERSION").to_owned()
 }
 
-/// Names of the built-in robots; the first is the default.
-#[must_use]
+/// Makes a panic say where it was, in the browser's console.
+#[cfg(target_arch = "wasm32")]
+#[wasm_bindgen(start)]
+pub fn start() {
+    console_error_panic_hook::set_once();
+}
+
+/// An agent in a scene: [`demo::Demo`].
+#[derive(Debug)]
 #[wasm_bindgen]
-pub fn robots() -> Vec<String> {
-    ROBOTS.iter().map(|robot| robot.name.to_owned()).collect()
+pub struct Demo(demo::Demo);
+
+/// What came of a macro action: [`demo::Execution`].
+#[derive(Debug)]
+#[wasm_bindgen]
+pub struct Execution(demo::Execution);
+
+/// A picture.
+#[derive(Debug)]
+#[wasm_bindgen]
+pub struct Picture {
+    rgb: Vec<u8>,
+    size: [usize; 2],
+}
+
+#[wasm_bindgen]
+impl Demo {
+    /// The agent of a `weights.safetensors` in scene `seed` of its task.
+    ///
+    /// # Errors
+    ///
+    /// As [`demo::Demo::new`].
+    #[wasm_bindgen(constructor)]
+    pub fn new(weights: &[u8], seed: u32) -> Result<Self, JsError> {
+        Ok(Self(demo::Demo::new(weights, u64::from(seed))?))
+    }
+
+    /// Starts the episode of scene `seed`.
+    ///
+    /// # Errors
+    ///
+    /// As [`demo::Demo::reset`].
+    pub fn reset(&mut self, seed: u32) -> Result<(), JsError> {
+        Ok(self.0.reset(u64::from(seed))?)
+    }
+
+    /// [`scene::SceneView`] as JSON.
+    ///
+    /// # Errors
+    ///
+    /// When a number of it has no JSON.
+    pub fn scene(&self) -> Result<String, JsError> {
+        json(&self.0.scene())
+    }
+
+    /// [`demo::Demo::poses`].
+    #[must_use]
+    pub fn poses(&self) -> Vec<f32> {
+        self.0.poses()
+    }
+
+    /// [`demo::Demo::picture`].
+    #[must_use]
+    pub fn picture(&mut self) -> Picture {
+        let (rgb, size) = self.0.picture();
+        Picture { rgb, size }
+    }
+
+    /// [`plan::Plan`] as JSON.
+    ///
+    /// # Errors
+    ///
+    /// As [`demo::Demo::plan`].
+    pub fn plan(&mut self) -> Result<String, JsError> {
+        json(&self.0.plan()?)
+    }
+
+    /// [`demo::Demo::ghost`].
+    ///
+    /// # Errors
+    ///
+    /// As there.
+    pub fn ghost(&self, candidate: usize) -> Result<Vec<f32>, JsError> {
+        Ok(self.0.ghost(candidate)?)
+    }
+
+    /// [`demo::Demo::execute`].
+    ///
+    /// # Errors
+    ///
+    /// As there.
+    pub fn execute(&mut self, candidate: usize) -> Result<Execution, JsError> {
+        Ok(Execution(self.0.execute(candidate)?))
+    }
+}
+
+#[wasm_bindgen]
+impl Execution {
+    /// [`demo::Execution::poses`].
+    #[must_use]
+    pub fn poses(&self) -> Vec<f32> {
+        self.0.poses.clone()
+    }
+
+    /// [`demo::Outcome`] as JSON.
+    ///
+    /// # Errors
+    ///
+    /// When a number of it has no JSON.
+    pub fn outcome(&self) -> Result<String, JsError> {
+        json(&self.0.outcome)
+    }
+}
+
+#[wasm_bindgen]
+impl Picture {
+    /// Rows × columns × RGB.
+    #[must_use]
+    pub fn rgb(&self) -> Vec<u8> {
+        self.rgb.clone()
+    }
+
+    /// Pixels of a row.
+    #[must_use]
+    #[wasm_bindgen(getter)]
+    pub fn width(&self) -> usize {
+        self.size[0]
+    }
+
+    /// Rows.
+    #[must_use]
+    #[wasm_bindgen(getter)]
+    pub fn height(&self) -> usize {
+        self.size[1]
+    }
+}
+
+fn json(value: &impl Serialize) -> Result<String, JsError> {
+    Ok(serde_json::to_string(value)?)
 }
 
 #[cfg(test)]
@@ -27,10 +166,5 @@ mod tests {
     fn the_version_has_three_numbers() {
         let numbers: Vec<u32> = version().split('.').map(|part| part.parse().unwrap()).collect();
         assert_eq!(numbers.len(), 3);
-    }
-
-    #[test]
-    fn the_default_robot_comes_first() {
-        assert_eq!(robots()[0], "xarm7");
     }
 }

@@ -226,8 +226,14 @@ impl World {
 
     /// Poses of the robot's frames and fingers now, in the order of [`World::robot_items`].
     pub(super) fn robot_poses(&self) -> impl Iterator<Item = Pose3> {
-        let fingers = finger_poses(&self.robot.grip(&self.config), self.gripper.width, self.gripper.offset);
-        self.robot.link_frames(&self.config).into_iter().chain(fingers)
+        self.robot_poses_at(&self.config).into_iter()
+    }
+
+    /// Poses of arm, hand and fingers if the arm stood at `config`, in the order of [`World::robot_items`].
+    #[must_use]
+    pub fn robot_poses_at(&self, config: &JointConfig) -> Vec<Pose3> {
+        let fingers = finger_poses(&self.robot.grip(config), self.gripper.width, self.gripper.offset);
+        self.robot.link_frames(config).into_iter().chain(fingers).collect()
     }
 
     /// Arm, hand and fingers with their poses now.
