@@ -49,6 +49,6 @@ else
 fi
 
 generator=$(wasm_bindgen)
-"$generator" --target web --out-dir www/src/wasm "$built/$target/wasm/lpr_wasm.wasm"
+"$generator" --target web --remove-name-section --remove-producers-section --out-dir www/src/wasm "$built/$target/wasm/lpr_wasm.wasm"
 module=www/src/wasm/lpr_wasm_bg.wasm
 echo "lpr-wasm: $module, $(stat -c %s "$module") bytes, $(gzip -9c "$module" | wc -c) with gzip"

@@ -147,9 +147,9 @@ function showPlan({ plan, picture, milliseconds }: Planned): void {
 }
 
 function showPose({ goal, goal_value, depths }: Plan): void {
-  const position = goal.position.map((metres) => `${(100 * metres).toFixed(1)}`).join(', ');
+  const position = goal.position.map((metres, axis) => `${'xyz'[axis]} ${(100 * metres).toFixed(1)}`).join(', ');
   const by = depths.length > 0 ? `Q-attention chose it in ${depths.length} steps from coarse to fine, value ${goal_value?.toFixed(2)}` : 'The demonstrator gave it';
-  byId('pose').textContent = `${position} cm, then ${goal.gripper} the gripper. ${by}.`;
+  byId('pose').textContent = `Grip to ${position} cm, then ${goal.gripper} the gripper. ${by}.`;
   byId<HTMLInputElement>('voxels').disabled = depths.length === 0;
 }
 
@@ -246,10 +246,13 @@ byId('scene-form').addEventListener('submit', (event) => {
   void reset();
 });
 byId('next-scene').addEventListener('click', () => {
+  if (!byId<HTMLFormElement>('scene-form').reportValidity()) return;
   byId<HTMLInputElement>('seed').valueAsNumber = (seed() + 1) % 2 ** 32;
   void reset();
 });
-byId('task').addEventListener('change', () => void loadAgent());
+byId('task').addEventListener('change', () => {
+  if (byId<HTMLFormElement>('scene-form').reportValidity()) void loadAgent();
+});
 byId('voxels').addEventListener('change', () => view.showAttention(byId<HTMLInputElement>('voxels').checked));
 byId('run-winner').addEventListener('click', () => void inEra(() => run(state.plan?.chosen)));
 byId('run-selected').addEventListener('click', () => void inEra(() => run(state.selected)));

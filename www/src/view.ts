@@ -17,7 +17,11 @@ const LINES: Record<Source, { width: number; dash?: number }> = {
   policy: { width: 4 },
   linear: { width: 2.5 },
 };
-const EMPHASIS = { winner: 5, pointed: 3.5 };
+const EMPHASIS = { winner: 5, pointed: 4 };
+/** What an emphasised line has around it, so that it stands out from those of its colour. */
+const CASING = { rgb: [0.09, 0.13, 0.17] as [number, number, number], pixels: 4 };
+/** Fraction of the range of values below which a voxel is not drawn. */
+const DRAWN_VOXELS = 0.4;
 /** Seconds that the ghost takes along a path. */
 const GHOST_SECONDS = 1.5;
 
@@ -65,7 +69,10 @@ export class View {
       dispose(item);
     }
     const solid = ({ rgb }: { rgb: number[] }) => new THREE.MeshStandardMaterial({ color: color(rgb), roughness: 0.65, metalness: 0.05 });
-    const clear = () => new THREE.MeshStandardMaterial({ color: 0x3b6ea5, transparent: true, opacity: 0.28, depthWrite: false });
+    // Pushed back a little: where the ghost stands in the arm, the arm is seen.
+    const behind = { polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 4 };
+    const ghostly = { color: 0x3b6ea5, transparent: true, opacity: 0.28, depthWrite: false, ...behind };
+    const clear = () => new THREE.MeshStandardMaterial(ghostly);
     this.items = scene.items.map((item) => itemGroup(item.parts, solid));
     this.nRobotItems = scene.n_robot_items;
     this.ghost = scene.items.slice(-this.nRobotItems).map((item) => itemGroup(item.parts, clear));
@@ -108,8 +115,12 @@ export class View {
       const idx = emphasis[which];
       const candidate = idx === null ? undefined : plan.candidates[idx];
       if (idx === null || !candidate) continue;
-      const line = segments([{ points: candidate.grip, rgb: colorOf(idx) }], { linewidth: EMPHASIS[which] });
-      this.emphasised.add(line);
+      const line = (rgb: [number, number, number], linewidth: number, order: number) => {
+        const drawn = segments([{ points: candidate.grip, rgb }], { linewidth, depthTest: false, transparent: true });
+        drawn.renderOrder = order;
+        return drawn;
+      };
+      this.emphasised.add(line(CASING.rgb, EMPHASIS[which] + CASING.pixels, 1), line(colorOf(idx), EMPHASIS[which], 2));
     }
     this.draw();
   }
@@ -272,11 +283,13 @@ function segments(
 }
 
 function voxels({ voxel_size, centers, values }: Plan['depths'][number]): THREE.InstancedMesh {
-  const material = new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.35, depthWrite: false });
-  const mesh = new THREE.InstancedMesh(new THREE.BoxGeometry(...voxel_size), material, centers.length);
+  const material = new THREE.MeshBasicMaterial({ transparent: true, opacity: 0.45, depthWrite: false });
   const fraction = scale(values);
+  const drawn = centers.filter((_, idx) => fraction(values[idx]!) >= DRAWN_VOXELS);
+  const mesh = new THREE.InstancedMesh(new THREE.BoxGeometry(...voxel_size), material, drawn.length);
   const matrix = new THREE.Matrix4();
-  centers.forEach((center, idx) => {
+  // The values fall, so those that are drawn come first.
+  drawn.forEach((center, idx) => {
     mesh.setMatrixAt(idx, matrix.makeTranslation(...center));
     mesh.setColorAt(idx, color(viridis(fraction(values[idx]!)).map((channel) => channel * 255)));
   });

