@@ -28,11 +28,10 @@ interface Job {
 
 type Point = Record<string, number | null>;
 
-const ENDED = new Set(['succeeded', 'failed', 'cancelled']);
-
 export class Jobs {
   private shown: string | undefined;
   private stream: EventSource | undefined;
+  private hasEnded = false;
   private points: Point[] = [];
   private plot: uPlot | undefined;
 
@@ -76,6 +75,7 @@ export class Jobs {
   /** Follows the metrics of a job from its beginning. */
   private show(job: Job): void {
     this.stream?.close();
+    this.hasEnded = false;
     this.shown = job.id;
     this.points = [];
     byId('curve-title').textContent = `${job.spec.task}, ${job.spec.method}: success over environment steps`;
@@ -86,12 +86,14 @@ export class Jobs {
       this.drawSoon();
     });
     this.stream.addEventListener('rewind', ({ data }: MessageEvent<string>) => {
-      const { env_steps } = JSON.parse(data) as { env_steps: number };
-      this.points = this.points.filter((point) => (point['env_steps'] ?? 0) <= env_steps);
+      // A worker was lost: its job goes on from a checkpoint, before the points after it.
+      this.points.length = Math.min(this.points.length, (JSON.parse(data) as { points: number }).points);
       this.drawSoon();
     });
-    this.stream.addEventListener('end', () => this.stream?.close());
-    if (ENDED.has(job.state)) this.drawSoon();
+    this.stream.addEventListener('end', () => {
+      this.hasEnded = true;
+      this.stream?.close();
+    });
   }
 
   private asked = false;
@@ -130,8 +132,8 @@ export class Jobs {
   }
 
   /** What is shown, for tests. */
-  snapshot(): { job: string | undefined; points: Point[] } {
-    return { job: this.shown, points: this.points };
+  snapshot(): { job: string | undefined; points: Point[]; hasEnded: boolean } {
+    return { job: this.shown, points: this.points, hasEnded: this.hasEnded };
   }
 }
 

@@ -82,6 +82,12 @@ try {
   await page.waitForFunction(() => window.__lpr.snapshot().phase === 'ready' && window.__lpr.snapshot().outcomes.length === 0);
   const again = await snapshot();
 
+  // The curve of a job that has ended has all of its points.
+  if (again.jobs.job) await page.waitForFunction(() => window.__lpr.snapshot().jobs.hasEnded);
+  const job_points = (await snapshot()).jobs.points;
+  await page.locator('#server').scrollIntoViewIfNeeded();
+  await picture('jobs');
+
   const jobs = await page.$$eval('#job-rows tr', (rows) => rows.map((row) => [...row.cells].map((cell) => cell.textContent)));
   const { phase, outcomes, scene } = now;
   const report = {
@@ -94,7 +100,7 @@ try {
     outcome_text,
     same_plan_again: JSON.stringify(again.plan) === JSON.stringify(plans[0]),
     job_rows: jobs,
-    job_points: again.jobs.points,
+    job_points,
     failure: await page.textContent('#failure-text'),
     complaints,
     transferred,
