@@ -11,4 +11,5 @@ pub mod formats;
 pub mod images;
 pub mod metrics;
 pub mod run_directory;
+pub mod run_options;
 pub mod tensorboard;
