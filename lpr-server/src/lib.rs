@@ -9,6 +9,7 @@ pub mod episode;
 pub mod files;
 pub mod formats;
 pub mod images;
+pub mod jobs;
 pub mod metrics;
 pub mod run_directory;
 pub mod run_options;
