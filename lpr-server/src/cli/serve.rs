@@ -53,11 +53,14 @@ async fn serve(arguments: &Arguments) -> Result<()> {
     store.recover().await.map_err(|error| Failure::Server(io::Error::other(error)))?;
     report(&format!("http://{}", listener.local_addr().map_err(unusable)?));
     let phase = phase_of_signals().map_err(Failure::Server)?;
-    let workers = start_workers(arguments.workers, &store, &data, &phase)?;
+    let mut workers = start_workers(arguments.workers, &store, &data, &phase)?;
     let api = Api { store: store.clone(), phase: phase.clone(), page: arguments.page.clone() };
     let served = answer(listener, api, phase).await;
     // Their children are ended and their jobs are back in the queue when they have.
-    workers.join_all().await;
+    while let Some(ended) = workers.join_next().await {
+        // One that panicked keeps no other from ending well.
+        ended.unwrap_or_else(|error| report(&format!("a worker: {error}")));
+    }
     store.close().await;
     served.map_err(Failure::Server)
 }

@@ -12,6 +12,7 @@ mod data_directory;
 mod events;
 mod folder;
 mod job;
+mod rows;
 mod spec;
 mod state;
 mod store;

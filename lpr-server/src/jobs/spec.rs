@@ -101,8 +101,10 @@ impl JobSpec {
         check_trainable(method).map_err(at("method"))?;
         Config::preset(&self.preset).map_err(reason_of).map_err(at("preset"))?;
         check_minutes(self.minutes).map_err(at("minutes"))?;
-        if i64::try_from(self.seed).is_err() {
-            return Err(at("seed")(format!("expected at most {}, found {}", i64::MAX, self.seed)));
+        let numbers =
+            [("seed", Some(self.seed)), ("env_steps", self.env_steps), ("stop_after_successes", self.stop_after_successes)];
+        for (name, number) in numbers {
+            check_number(number.unwrap_or(0)).map_err(at(name))?;
         }
         self.config().map(drop)
     }
@@ -159,6 +161,11 @@ pub fn pointer(path: &Path) -> String {
         Segment::Unknown => String::new(),
     });
     segments.collect()
+}
+
+/// Whether a number is one that files and databases hold.
+fn check_number(number: u64) -> Result<(), String> {
+    if i64::try_from(number).is_ok() { Ok(()) } else { Err(format!("expected at most {}, found {number}", i64::MAX)) }
 }
 
 /// What the core says, without the word for where it looked.
@@ -232,6 +239,7 @@ mod tests {
             (json!({"task": "reach_target", "preset": "Cargo.toml"}), "/preset", "unknown preset `Cargo.toml`"),
             (json!({"task": "reach_target", "minutes": 0}), "/minutes", "above 0"),
             (json!({"task": "reach_target", "seed": u64::MAX}), "/seed", "expected at most 9223372036854775807"),
+            (json!({"task": "reach_target", "env_steps": 1_u64 << 63}), "/env_steps", "found 9223372036854775808"),
         ] {
             let SpecError { pointer: found, detail } = refusal(value);
             assert!(found == pointer && detail.contains(says), "{found}: {detail}");

@@ -5,16 +5,15 @@
 
 use super::events::{EventKind, insert_event};
 use super::job::{Job, JobId, Transition};
+use super::rows::{fetch, json_text, read_id, read_job, read_json, read_word, select_job};
 use super::spec::JobSpec;
 use super::state::{Change, Reason, Refused, State, Step, next};
 use crate::files::FileError;
 use core::time::Duration;
 use jiff::Timestamp;
-use serde::de::value::{Error as WordError, StrDeserializer};
-use serde::de::{DeserializeOwned, IntoDeserializer as _};
 use serde_json::{Map, Value};
 use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
-use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteRow, SqliteSynchronous};
+use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
 use sqlx::{Row as _, SqlSafeStr as _, Sqlite, SqliteConnection, Transaction, query, query_scalar};
 use std::path::Path;
 use thiserror::Error;
@@ -28,22 +27,6 @@ const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Connections: one writes, others read meanwhile.
 const MAX_CONNECTIONS: u32 = 8;
-
-/// Everything of a job but its transitions; the newest metrics are found through an index.
-macro_rules! select_job {
-    ($rest:literal) => {
-        concat!(
-            "SELECT *, \
-             (SELECT env_steps FROM events WHERE job = jobs.id AND kind = 'metric' ORDER BY seq DESC LIMIT 1) AS env_steps, \
-             (SELECT data -> '$.\"validation/success_rate\"' FROM events WHERE job = jobs.id AND kind = 'metric' \
-              AND data -> '$.\"validation/success_rate\"' IS NOT NULL ORDER BY seq DESC LIMIT 1) AS success_rate, \
-             (SELECT json_group_array(json(data)) FROM \
-              (SELECT data FROM events WHERE job = jobs.id AND kind = 'state' ORDER BY seq)) AS transitions \
-             FROM jobs ",
-            $rest
-        )
-    };
-}
 
 /// Why the store could not do what it was asked for.
 #[derive(Debug, Error)]
@@ -384,53 +367,6 @@ async fn enter(tx: &mut SqliteConnection, id: JobId, Step { state, reason }: Ste
         insert_event(tx, id, EventKind::End, None, &format!(r#"{{"state":"{state}"}}"#)).await?;
     }
     Ok(())
-}
-
-async fn fetch(tx: &mut SqliteConnection, id: JobId) -> Result<Job> {
-    let row = query(select_job!("WHERE id = ?")).bind(id.to_string()).fetch_optional(tx).await?;
-    read_job(&row.ok_or(StoreError::NoSuchJob)?)
-}
-
-fn read_job(row: &SqliteRow) -> Result<Job> {
-    let text = |column| row.try_get::<Option<&str>, _>(column);
-    let time = |column| text(column)?.map(|text| text.parse().map_err(unreadable(column))).transpose();
-    Ok(Job {
-        id: read_id(row)?,
-        state: read_word(row.try_get("state")?, "state")?,
-        reason: text("reason")?.map(|word| read_word(word, "reason")).transpose()?,
-        message: row.try_get("message")?,
-        spec: read_json(row.try_get("spec")?, "spec")?,
-        attempt: row.try_get("attempt")?,
-        created_at: row.try_get::<&str, _>("created_at")?.parse().map_err(unreadable("created_at"))?,
-        started_at: time("started_at")?,
-        finished_at: time("finished_at")?,
-        env_steps: row.try_get::<Option<i64>, _>("env_steps")?.map(i64::cast_unsigned),
-        success_rate: text("success_rate")?.map(|rate| read_json(rate, "success_rate")).transpose()?.flatten(),
-        summary: text("summary")?.map(|summary| read_json(summary, "summary")).transpose()?,
-        transitions: read_json(row.try_get("transitions")?, "transitions")?,
-    })
-}
-
-fn read_id(row: &SqliteRow) -> Result<JobId> {
-    row.try_get::<&str, _>("id")?.parse().map_err(unreadable("id"))
-}
-
-fn read_json<T: DeserializeOwned>(text: &str, column: &'static str) -> Result<T> {
-    serde_json::from_str(text).map_err(unreadable(column))
-}
-
-/// A word as JSON spells it.
-fn read_word<T: DeserializeOwned>(word: &str, column: &'static str) -> Result<T> {
-    let word: StrDeserializer<'_, WordError> = word.into_deserializer();
-    T::deserialize(word).map_err(unreadable(column))
-}
-
-fn json_text(value: &impl serde::Serialize, column: &'static str) -> Result<String> {
-    serde_json::to_string(value).map_err(unreadable(column))
-}
-
-fn unreadable<E: core::fmt::Display>(column: &'static str) -> impl FnOnce(E) -> StoreError {
-    move |error| StoreError::Unreadable { column, reason: error.to_string() }
 }
 
 #[cfg(test)]
