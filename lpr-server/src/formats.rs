@@ -1,15 +1,54 @@
-//! JSON of poses, configurations and demonstrations, as every command reads and prints them.
+//! JSON of poses, configurations, demonstrations and tasks, as every command and the API read and print them.
 
 use crate::files::{self, FileError, Result};
 use lpr_core::glamx::{DPose3, DQuat, DVec3};
 use lpr_core::perception::Proprio;
 use lpr_core::robot::{DOF, JointConfig};
+use lpr_core::sim::tasks::{TASKS, Task, TaskSet};
 use lpr_core::sim::{Demonstration, World};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+use utoipa::ToSchema;
 
 /// How far the norm of a quaternion in a file may be from 1: it covers numbers with three decimals.
 const NORM_TOLERANCE: f64 = 2e-3;
+
+/// The tasks.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct TaskList {
+    /// In the order of the paper.
+    pub tasks: Vec<TaskRow>,
+}
+
+/// A task.
+#[derive(Debug, Serialize, ToSchema)]
+pub struct TaskRow {
+    /// Its name in commands and jobs.
+    pub name: &'static str,
+    /// The paper's Task Set.
+    pub set: &'static str,
+    /// What the robot does in it.
+    pub description: &'static str,
+    /// Keyframes of a demonstration.
+    pub keyframes: usize,
+}
+
+impl TaskList {
+    /// All tasks.
+    #[must_use]
+    pub fn all() -> Self {
+        let row = |task: &'static Task| TaskRow {
+            name: task.name,
+            set: match task.set {
+                TaskSet::One => "1",
+                TaskSet::Two => "2",
+            },
+            description: task.description,
+            keyframes: task.keyframes,
+        };
+        Self { tasks: TASKS.into_iter().map(row).collect() }
+    }
+}
 
 /// A pose in the world, which is the base of the arm.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

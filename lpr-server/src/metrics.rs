@@ -76,7 +76,8 @@ pub fn history(run_directory: &Path, name: &str) -> Result<Vec<(u64, f64)>> {
     Ok(text.lines().filter_map(point).collect())
 }
 
-fn env_step(line: &str) -> Option<u64> {
+/// The environment step of a line.
+pub(crate) fn env_step(line: &str) -> Option<u64> {
     serde_json::from_str::<Map<String, Value>>(line).ok()?.get(STEP_KEY)?.as_u64()
 }
 

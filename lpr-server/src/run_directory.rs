@@ -11,6 +11,8 @@ const CHECKPOINTS: &str = "checkpoints";
 const EPISODES: &str = "episodes";
 const WEIGHTS: &str = "weights.safetensors";
 const STATE: &str = "state.bin";
+/// Name of the file that a run leaves when it has ended.
+pub const SUMMARY: &str = "summary.json";
 /// Older checkpoints are deleted: this many stay.
 const KEPT_CHECKPOINTS: usize = 2;
 
@@ -84,22 +86,30 @@ pub fn clean(directory: &Path) -> Result<()> {
     files::remove_partial(&directory.join(CHECKPOINTS))
 }
 
+/// Environment step of the newest checkpoint, if there is one.
+///
+/// # Errors
+///
+/// When the directory cannot be looked into.
+pub fn latest_step(directory: &Path) -> Result<Option<u64>> {
+    Ok(checkpoint_steps(directory)?.pop())
+}
+
 /// The newest checkpoint of a run with its environment step.
 ///
 /// # Errors
 ///
 /// When there is none, or when it cannot be read.
 pub fn latest(directory: &Path) -> Result<(u64, Checkpoint)> {
-    let steps = checkpoint_steps(directory)?;
-    let Some(step) = steps.last() else {
+    let Some(step) = latest_step(directory)? else {
         return Err(FileError::content(directory, "holds no checkpoint: not a run directory, or a run that had not saved yet"));
     };
-    let path = checkpoint_path(directory, *step);
+    let path = checkpoint_path(directory, step);
     let read = |name: &str| {
         let file = path.join(name);
         fs::read(&file).map_err(FileError::io("read", &file))
     };
-    Ok((*step, Checkpoint { weights: read(WEIGHTS)?, state: read(STATE)? }))
+    Ok((step, Checkpoint { weights: read(WEIGHTS)?, state: read(STATE)? }))
 }
 
 /// The agent of a run's newest checkpoint.
@@ -128,7 +138,7 @@ pub fn unusable(directory: &Path, env_step: u64, error: &Error) -> FileError {
 ///
 /// When it cannot be written.
 pub fn write_summary(directory: &Path, summary: &impl Serialize) -> Result<()> {
-    files::write_json(&directory.join("summary.json"), summary)
+    files::write_json(&directory.join(SUMMARY), summary)
 }
 
 fn checkpoint_path(directory: &Path, env_step: u64) -> PathBuf {

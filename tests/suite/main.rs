@@ -9,3 +9,5 @@ mod interrupted;
 mod lpr;
 mod output;
 mod runs;
+mod serve;
+mod server;

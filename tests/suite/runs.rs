@@ -166,7 +166,7 @@ fn is_time(key: &str) -> bool {
     ["_seconds", "_ms", "_micros", "_per_second"].iter().any(|end| key.ends_with(end))
 }
 
-fn remove_times(value: &mut Value) {
+pub(crate) fn remove_times(value: &mut Value) {
     match value {
         Value::Object(object) => {
             object.retain(|key, _| !is_time(key));

@@ -12,6 +12,7 @@ mod paths;
 mod render;
 mod replay;
 mod robots;
+mod serve;
 mod tasks;
 mod train;
 
@@ -24,6 +25,7 @@ use lpr_core::sim::tasks::Task;
 use serde::Serialize;
 use std::ffi::OsString;
 use std::io::{self, Write as _};
+use std::net::SocketAddr;
 use std::process::ExitCode;
 use thiserror::Error;
 
@@ -34,7 +36,7 @@ const WRONG_USAGE: u8 = 2;
 const INTRODUCTION: &str = "\
 lpr: robot arms that learn manipulation from a few demonstrations on a CPU (C2F-ARM with Learned Path Ranking).
   lpr tasks                                   the tasks; lpr robots: the arms
-  lpr train reach_target --out run            trains an agent and evaluates it
+  lpr train reach_target --out run            trains an agent and evaluates it; lpr serve: many, over HTTP
   lpr render open_drawer --demo --out a.gif   a scripted demonstration as an animation
   lpr help [COMMAND]                          every command and option; --json prints one JSON object instead of a table";
 
@@ -72,6 +74,8 @@ enum Command {
     Eval(eval::Arguments),
     /// Measure how long networks, simulation, planning and candidates take
     Bench(bench::Arguments),
+    /// Serve training jobs over HTTP, and the page that shows them
+    Serve(serve::Arguments),
 }
 
 impl Command {
@@ -88,6 +92,7 @@ impl Command {
             Self::Train(arguments) => print(&train::run(arguments)?, format),
             Self::Eval(arguments) => print(&eval::run(arguments)?, format),
             Self::Bench(arguments) => print(&bench::run(arguments)?, format),
+            Self::Serve(arguments) => serve::run(arguments),
         }
     }
 }
@@ -137,6 +142,17 @@ enum Failure {
     /// Arguments that do not go together.
     #[error("{0}")]
     Usage(String),
+    /// An address at which nothing can be served.
+    #[error("--bind {address}: {source}")]
+    Listen {
+        /// The address.
+        address: SocketAddr,
+        /// The operating system's reason.
+        source: io::Error,
+    },
+    /// The server cannot go on.
+    #[error("the server: {0}")]
+    Server(io::Error),
     /// Standard output is closed or full.
     #[error("cannot write to standard output: {0}")]
     Output(#[from] io::Error),

@@ -7,6 +7,7 @@ mod session;
 use super::eval::EvalReport;
 use super::{Result, RobotArgument};
 use crate::files::FileError;
+use crate::run_options::{DEFAULT_MINUTES, DEFAULT_PRESET, check_minutes, check_trainable};
 use clap::Args;
 use core::fmt;
 use lpr_core::agent::Method;
@@ -18,6 +19,7 @@ use lpr_core::sim::tasks::Task;
 use serde::Serialize;
 use session::Session;
 use std::path::{Path, PathBuf};
+use std::{io, process, thread};
 
 /// Options of `lpr train`.
 #[derive(Debug, Args)]
@@ -34,7 +36,7 @@ pub(super) struct Arguments {
     #[arg(long, value_parser = Method::by_name, default_value = Method::Lpr.name())]
     method: Method,
     /// A built-in preset (fast, paper, paper-narrow) or a file that lists every setting
-    #[arg(long, default_value = "fast")]
+    #[arg(long, default_value = DEFAULT_PRESET)]
     preset: String,
     /// Demonstrations, in place of the preset's number
     #[arg(long)]
@@ -55,7 +57,7 @@ pub(super) struct Arguments {
     #[arg(long)]
     env_steps: Option<u64>,
     /// Stop after this many minutes of training
-    #[arg(long, default_value_t = 15.0)]
+    #[arg(long, default_value_t = DEFAULT_MINUTES)]
     minutes: f64,
     /// Stop after this many training episodes in a row that succeeded
     #[arg(long)]
@@ -63,6 +65,9 @@ pub(super) struct Arguments {
     /// Go on from the newest checkpoint in --out
     #[arg(long)]
     resume: bool,
+    /// End at once when standard input closes: whoever started the run is gone
+    #[arg(long, hide = true)]
+    until_stdin_closes: bool,
     /// What computes the networks: flex, or ndarray where the program was built with it
     #[arg(long, value_parser = Backend::by_name, default_value = "flex")]
     backend: Backend,
@@ -105,16 +110,22 @@ impl ValidationPoint {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Report> {
-    if !(arguments.minutes.is_finite() && arguments.minutes > 0.0) {
-        return Err(lpr_core::Error::Config(format!("--minutes: above 0, got {}", arguments.minutes)).into());
-    }
-    if !matches!(arguments.method, Method::Lpr | Method::LprNoPolicy | Method::C2fArm) {
-        let name = arguments.method.name();
-        return Err(lpr_core::Error::Config(format!("--method: `{name}` has nothing to train, use `lpr eval`")).into());
+    let unusable = |option: &'static str| move |reason: String| lpr_core::Error::Config(format!("{option}: {reason}"));
+    check_minutes(arguments.minutes).map_err(unusable("--minutes"))?;
+    check_trainable(arguments.method).map_err(unusable("--method"))?;
+    if arguments.until_stdin_closes {
+        thread::spawn(end_with_stdin);
     }
     let mut session = if arguments.resume { Session::resume(arguments)? } else { Session::create(arguments)? };
     let stopped_by = session.train()?;
     session.finish(stopped_by)
+}
+
+/// Ends the process when standard input has come to its end. What is being written then is left out, as after a kill.
+#[expect(clippy::exit, reason = "no one is left who would wait for the run to end in good order")]
+fn end_with_stdin() {
+    let _ = io::copy(&mut io::stdin(), &mut io::sink());
+    process::exit(1);
 }
 
 /// The preset of that name, or the file of that path; the table that says what a run was of is left out.

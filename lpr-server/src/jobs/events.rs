@@ -1,0 +1,136 @@
+//! The history of what happens to jobs: one sequence, read by any number of streams at their own pace.
+
+use super::job::JobId;
+use super::store::{Claim, Result, SqliteStore, held};
+use serde_json::json;
+use sqlx::{Row as _, SqliteConnection, query, query_scalar};
+
+/// What an event tells.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EventKind {
+    /// The job came to a state.
+    State,
+    /// A log point of the run.
+    Metric,
+    /// The run went back to a checkpoint: later points are void.
+    Rewind,
+    /// Nothing more happens to the job.
+    End,
+}
+
+impl EventKind {
+    /// Its name in streams and in the database.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::State => "state",
+            Self::Metric => "metric",
+            Self::Rewind => "rewind",
+            Self::End => "end",
+        }
+    }
+}
+
+/// Something that happened to a job.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Event {
+    /// Its number, which grows with time.
+    pub seq: i64,
+    /// What it tells, by the name of an [`EventKind`].
+    pub kind: String,
+    /// A JSON object.
+    pub data: String,
+}
+
+/// A line of `metrics.jsonl`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Point {
+    pub(super) env_steps: u64,
+    pub(super) line: String,
+}
+
+impl SqliteStore {
+    /// At most `limit` events of a job after number `after`, in order.
+    ///
+    /// # Errors
+    ///
+    /// When the database fails.
+    pub async fn events(&self, id: JobId, after: i64, limit: u32) -> Result<Vec<Event>> {
+        let select = query("SELECT seq, kind, data FROM events WHERE job = ? AND seq > ? ORDER BY seq LIMIT ?");
+        let rows = select.bind(id.to_string()).bind(after).bind(limit).fetch_all(&self.pool).await?;
+        let events =
+            rows.iter().map(|row| Ok(Event { seq: row.try_get("seq")?, kind: row.try_get("kind")?, data: row.try_get("data")? }));
+        events.collect()
+    }
+
+    /// Number of the last event of a job that has ended.
+    ///
+    /// # Errors
+    ///
+    /// When the database fails.
+    pub async fn end(&self, id: JobId) -> Result<Option<i64>> {
+        let select = query_scalar("SELECT seq FROM events WHERE job = ? AND kind = 'end'");
+        Ok(select.bind(id.to_string()).fetch_optional(&self.pool).await?)
+    }
+
+    /// The log points of a job, each a JSON object.
+    ///
+    /// # Errors
+    ///
+    /// When the database fails.
+    pub async fn points(&self, id: JobId) -> Result<Vec<String>> {
+        let select = query_scalar("SELECT data FROM events WHERE job = ? AND kind = 'metric' ORDER BY seq");
+        Ok(select.bind(id.to_string()).fetch_all(&self.pool).await?)
+    }
+
+    /// How many log points of a job are in its history: the first so many lines of `metrics.jsonl`.
+    pub(super) async fn n_points(&self, id: JobId) -> Result<u64> {
+        n_points(&mut *self.pool.acquire().await?, id).await
+    }
+
+    /// Adds log points to the history of the job that a worker holds.
+    pub(super) async fn append_points(&self, claim: Claim, points: &[Point]) -> Result<()> {
+        if points.is_empty() {
+            return Ok(());
+        }
+        let mut tx = self.begin().await?;
+        held(&mut tx, claim).await?;
+        for Point { env_steps, line } in points {
+            insert_event(&mut tx, claim.id, EventKind::Metric, Some(*env_steps), line).await?;
+        }
+        self.commit(tx).await
+    }
+
+    /// Takes the log points that are later than the checkpoint at `env_steps` out of the history, all of them without one. An event
+    /// tells those who had seen them.
+    pub(super) async fn rewind(&self, claim: Claim, env_steps: Option<u64>) -> Result<()> {
+        let mut tx = self.begin().await?;
+        held(&mut tx, claim).await?;
+        let later = query("DELETE FROM events WHERE job = ?1 AND kind = 'metric' AND (?2 IS NULL OR env_steps > ?2)");
+        let later = later.bind(claim.id.to_string()).bind(env_steps.map(u64::cast_signed)).execute(&mut *tx).await?;
+        if later.rows_affected() > 0 {
+            let points = n_points(&mut tx, claim.id).await?;
+            let data = json!({"env_steps": env_steps, "points": points}).to_string();
+            insert_event(&mut tx, claim.id, EventKind::Rewind, None, &data).await?;
+        }
+        self.commit(tx).await
+    }
+}
+
+async fn n_points(tx: &mut SqliteConnection, id: JobId) -> Result<u64> {
+    let count = query_scalar("SELECT count(*) FROM events WHERE job = ? AND kind = 'metric'");
+    Ok(count.bind(id.to_string()).fetch_one(tx).await.map(i64::cast_unsigned)?)
+}
+
+pub(super) async fn insert_event(
+    tx: &mut SqliteConnection,
+    id: JobId,
+    kind: EventKind,
+    env_steps: Option<u64>,
+    data: &str,
+) -> Result<()> {
+    let insert = query("INSERT INTO events (job, kind, env_steps, data) VALUES (?, ?, ?, ?)");
+    let insert = insert.bind(id.to_string()).bind(kind.name()).bind(env_steps.map(u64::cast_signed)).bind(data);
+    insert.execute(tx).await?;
+    Ok(())
+}
