@@ -12,3 +12,4 @@ pub mod images;
 pub mod metrics;
 pub mod run_directory;
 pub mod tensorboard;
+pub mod xarm;
