@@ -6,6 +6,7 @@
 //!
 //! Stopping the arm by a command is no safety-rated stop: the emergency button is.
 
+pub mod emulator;
 pub mod wire;
 
 /// The ports of a controller, or of an emulator.
