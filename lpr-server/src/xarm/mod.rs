@@ -6,7 +6,11 @@
 //!
 //! Stopping the arm by a command is no safety-rated stop: the emergency button is.
 
+pub mod client;
 pub mod emulator;
+pub mod executor;
+pub mod safety;
+pub mod schedule;
 pub mod wire;
 
 /// The ports of a controller, or of an emulator.
