@@ -14,8 +14,13 @@ mod replay;
 mod robots;
 mod tasks;
 mod train;
+mod xarm;
 
 use crate::files::FileError;
+use crate::xarm::client::ClientError;
+use crate::xarm::emulator::EmulatorError;
+use crate::xarm::executor::ExecutionError;
+use crate::xarm::safety::SafetyError;
 use clap::{Args, Parser, Subcommand};
 use core::fmt::Display;
 use lpr_core::config::Config;
@@ -72,6 +77,9 @@ enum Command {
     Eval(eval::Arguments),
     /// Measure how long networks, simulation, planning and candidates take
     Bench(bench::Arguments),
+    /// Run an agent on a UFACTORY xArm7, or emulate its controller
+    #[command(subcommand)]
+    Xarm(xarm::Action),
 }
 
 impl Command {
@@ -88,6 +96,7 @@ impl Command {
             Self::Train(arguments) => print(&train::run(arguments)?, format),
             Self::Eval(arguments) => print(&eval::run(arguments)?, format),
             Self::Bench(arguments) => print(&bench::run(arguments)?, format),
+            Self::Xarm(action) => xarm::run(action, format),
         }
     }
 }
@@ -137,6 +146,21 @@ enum Failure {
     /// Arguments that do not go together.
     #[error("{0}")]
     Usage(String),
+    /// An emulator that cannot start.
+    #[error(transparent)]
+    Emulator(#[from] EmulatorError),
+    /// A controller that cannot be reached or does not answer.
+    #[error(transparent)]
+    Client(#[from] ClientError),
+    /// A path that the arm must not run.
+    #[error("the path is not safe: {0}")]
+    Safety(#[from] SafetyError),
+    /// A path that was not run to its end.
+    #[error(transparent)]
+    Execution(#[from] ExecutionError),
+    /// The agent proposes nothing to run.
+    #[error("the agent found no path: {0}")]
+    NoPath(String),
     /// Standard output is closed or full.
     #[error("cannot write to standard output: {0}")]
     Output(#[from] io::Error),
