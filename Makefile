@@ -2,7 +2,7 @@
 # set would build all of burn once more. lpr-wasm/build.sh builds without it.
 ALL := --locked --workspace --features lpr-core/ndarray
 
-.PHONY: check fmt lint doc test test-doc faults wasm
+.PHONY: check fmt lint doc test test-doc tools faults wasm
 
 check: fmt lint doc test test-doc wasm
 
@@ -15,12 +15,16 @@ lint:
 doc:
 	RUSTDOCFLAGS=-Dwarnings cargo doc $(ALL) --no-deps
 
-test:
+test: tools
 	cargo nextest run $(ALL)
 
 # Kills runs 20 times with the demonstrator's poses and 20 times with learned ones; `test` does so 4 times.
 faults:
 	LPR_KILLS=20 cargo nextest run $(ALL) -E 'test(interrupted::)' --profile faults --no-capture
+
+# What tests run beside the binary: Python with the vendor's SDK of the xArm.
+tools:
+	tests/python.sh
 
 test-doc:
 	cargo test $(ALL) --doc

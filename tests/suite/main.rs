@@ -9,3 +9,4 @@ mod interrupted;
 mod lpr;
 mod output;
 mod runs;
+mod xarm;
