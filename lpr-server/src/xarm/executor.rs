@@ -80,6 +80,9 @@ pub enum Cause {
     /// The controller has an error; it is not forgotten without being told to.
     #[error("the controller has error {0}: clear it where the arm can be seen")]
     ControllerError(u8),
+    /// Someone else moves the arm.
+    #[error("the arm is moving: someone else uses it")]
+    Busy,
     /// The controller takes no points in that state.
     #[error("a servo point was refused (status {:#04x})", .0.0)]
     PointRefused(Status),
@@ -148,6 +151,8 @@ pub enum StopOutcome {
     Acknowledged,
     /// Nobody answered.
     Unanswered,
+    /// Nothing had been enabled.
+    Unneeded,
 }
 
 impl core::fmt::Display for StopOutcome {
@@ -155,6 +160,7 @@ impl core::fmt::Display for StopOutcome {
         f.write_str(match self {
             Self::Acknowledged => "the arm was told to stop",
             Self::Unanswered => "nobody answered the command to stop: use the emergency button",
+            Self::Unneeded => "nothing had been enabled",
         })
     }
 }
@@ -202,6 +208,8 @@ impl Link {
         watchdogs: &Watchdogs,
         interrupted: &AtomicBool,
     ) -> Result<Execution, ExecutionError> {
+        let n_points = path.points().len();
+        self.refuse_unfit().map_err(|cause| ExecutionError { cause, points_sent: 0, n_points, stop: StopOutcome::Unneeded })?;
         let mut stream = Stream::new(self, path, watchdogs, interrupted);
         match stream.run() {
             Ok(()) => {
@@ -209,9 +217,25 @@ impl Link {
                 Ok(stream.execution)
             }
             Err(cause) => {
-                let (points_sent, n_points) = (stream.execution.points_sent, path.points().len());
+                let points_sent = stream.execution.points_sent;
                 Err(ExecutionError { cause, points_sent, n_points, stop: stream.stop() })
             }
+        }
+    }
+
+    /// Looks before anything is changed: an arm with an error, or one that someone else moves, is left alone.
+    fn refuse_unfit(&mut self) -> Result<(), Cause> {
+        self.refuse_errors()?;
+        match self.commands.state()? {
+            State::Moving | State::Decelerating => Err(Cause::Busy),
+            _ => Ok(()),
+        }
+    }
+
+    fn refuse_errors(&mut self) -> Result<(), Cause> {
+        match self.commands.codes()? {
+            (0, _) => Ok(()),
+            (error, _) => Err(Cause::ControllerError(error)),
         }
     }
 }
@@ -264,19 +288,14 @@ impl<'a> Stream<'a> {
 
     /// Enables the arm in servo mode, and looks again where it is.
     fn prepare(&mut self) -> Result<(), Cause> {
-        self.refuse_errors()?;
-        let commands = &mut self.link.commands;
-        commands.command(&Request::EnableMotion(Axis::ALL, Power::On))?;
+        match self.link.commands.command(&Request::EnableMotion(Axis::ALL, Power::On)) {
+            // Some firmware does not answer it; the report that the arm is ready says whether it was done.
+            Ok(_) | Err(ClientError::Timeout { .. }) => {}
+            Err(error) => return Err(error.into()),
+        }
         self.configure(Mode::SERVO)?;
         check_start(self.path.start(), &self.link.measured()?, START_TOLERANCE)?;
         Ok(())
-    }
-
-    fn refuse_errors(&mut self) -> Result<(), Cause> {
-        match self.link.commands.codes()? {
-            (0, _) => Ok(()),
-            (error, _) => Err(Cause::ControllerError(error)),
-        }
     }
 
     /// Changes the mode, and waits for a report that says so.
@@ -379,7 +398,7 @@ impl<'a> Stream<'a> {
 
     /// Leaves the arm as the vendor's tools expect it: ready, in position mode.
     fn leave(&mut self) -> Result<(), Cause> {
-        self.refuse_errors()?;
+        self.link.refuse_errors()?;
         self.configure(Mode::POSITION)
     }
 }

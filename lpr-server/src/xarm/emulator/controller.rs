@@ -7,29 +7,23 @@
 //! - Settings that change nothing here (limits of reduced mode, fences, outputs) are acknowledged and kept nowhere.
 //! - Neither speeds of a servo stream nor collisions raise errors; leaving the joint limits does (23).
 
+mod queueing;
+mod reporting;
+
 use super::gripper::Gripper;
-use super::motion::{Addressed, Origin, Queue, Task, TaskKind, joint_motion, line_motion};
-use crate::xarm::wire::{
-    Answer, Axis, Check, Health, JointMove, LineForm, LineMove, Mode, Motion, NormalReport, Pace, Power, RealtimeReport, Reply,
-    Report, ReportKind, Request, RichReport, State, StateCommand, Status, TcpPose, register,
-};
+use super::motion::{Addressed, Origin, Queue};
+use crate::xarm::wire::{Answer, Axis, Mode, Power, Reply, Request, State, StateCommand, Status, TcpPose, register};
 use lpr_core::glamx::{DPose3, Pose3};
 use lpr_core::robot::{DOF, JointConfig, XARM7};
 
 /// Fastest joint in servo mode, rad/s.
 const SERVO_SPEED: f64 = core::f64::consts::PI;
-/// Motions that the queue holds.
-const QUEUE_CAPACITY: usize = 1024;
 /// The tool's serial line runs at 2,000,000 baud.
 const TOOL_BAUD_ADDRESS: u16 = 0x0a0b;
 const TOOL_BAUD_INDEX: i32 = 11;
 
-/// Error: no inverse kinematics along a line.
-const ERROR_KINEMATICS: u8 = 21;
 /// Error: a joint limit.
 const ERROR_JOINT_LIMIT: u8 = 23;
-/// Warning: the queue is full.
-const WARNING_QUEUE_FULL: u8 = 11;
 /// Warning: a parameter that cannot be.
 const WARNING_PARAMETER: u8 = 12;
 /// Warning: a register that does not exist.
@@ -273,76 +267,6 @@ impl Controller {
         self.error = error;
     }
 
-    /// Where the arm will be when the queue is done.
-    fn planned(&self) -> JointConfig {
-        self.queue.goal().unwrap_or(self.joints)
-    }
-
-    fn queue_motion(&mut self, request: &Request, origin: Origin) -> Option<Answer> {
-        let check = check_of(request);
-        let check_answer = (check != Check::Absent).then_some(0);
-        if self.mode != Mode::POSITION {
-            return None;
-        }
-        if self.queue.len() >= QUEUE_CAPACITY {
-            self.warning = WARNING_QUEUE_FULL;
-            return None;
-        }
-        // The bits of the reply say that it was not queued.
-        if !self.can_move() && *request != Request::FeedbackCheck {
-            return Some(Answer::Queued(0, check_answer));
-        }
-        let kind = match self.plan(request) {
-            Ok(kind) => kind,
-            Err(PlanError::Malformed) => return None,
-            Err(PlanError::Code(code)) if check == Check::Only => return Some(Answer::Queued(0, Some(code))),
-            Err(PlanError::Code(code)) => {
-                self.raise(code);
-                return Some(Answer::Queued(0, check_answer));
-            }
-        };
-        if check == Check::Only {
-            return Some(Answer::Queued(self.queue.len() as u16, check_answer));
-        }
-        let number = self.next_task;
-        self.next_task = self.next_task.wrapping_add(1).max(1);
-        self.queue.push(Task::new(number, request.register(), origin, self.feedback_mask, kind));
-        if self.can_move() {
-            self.state = State::Moving;
-        }
-        let queued = Answer::Queued(self.queue.len() as u16, check_answer);
-        Some(if *request == Request::FeedbackCheck { Answer::Done } else { queued })
-    }
-
-    fn plan(&self, request: &Request) -> Result<TaskKind, PlanError> {
-        let plan = |target, speed, acceleration| plan_joints(self.planned(), target, speed, acceleration);
-        match request {
-            Request::MoveJoints(JointMove { target, pace: Pace { speed, acceleration, .. }, .. }) => {
-                plan(target, *speed, *acceleration)
-            }
-            Request::MoveJointsBlended { target, speed, acceleration, .. } => plan(target, *speed, *acceleration),
-            Request::MoveHome(Pace { speed, acceleration, .. }) => plan(&[Some(0.0); DOF], *speed, *acceleration),
-            Request::MoveLine(line) => self.plan_line(line, self.planned()),
-            Request::Sleep(secs) if secs.is_finite() && *secs >= 0.0 => Ok(TaskKind::Wait { secs: f64::from(*secs) }),
-            Request::FeedbackCheck => Ok(TaskKind::Wait { secs: 0.0 }),
-            _ => Err(PlanError::Malformed),
-        }
-    }
-
-    fn plan_line(&self, LineMove { target, pace, form }: &LineMove, start: JointConfig) -> Result<TaskKind, PlanError> {
-        let TcpPose { position, rpy } = self.tcp_at(&start);
-        let current = [position, rpy].concat();
-        let numbers: [f64; 6] = core::array::from_fn(|i| target[i].unwrap_or(current[i]));
-        let [x, y, z, roll, pitch, yaw] = numbers;
-        let is_plain = !matches!(form, LineForm::Common { frame: 1.., .. } | LineForm::Common { rotation: 1.., .. });
-        if !is_plain || !numbers.iter().chain([&pace.speed, &pace.acceleration]).all(|number| number.is_finite()) {
-            return Err(PlanError::Malformed);
-        }
-        let goal = self.flange_of(TcpPose { position: [x, y, z], rpy: [roll, pitch, yaw] });
-        let motion = line_motion(start, goal, pace.speed, pace.acceleration);
-        motion.map(TaskKind::Move).ok_or(PlanError::Code(ERROR_KINEMATICS))
-    }
-
     /// The newest point of a servo stream.
     fn servo(&mut self, target: &JointConfig) -> Option<Answer> {
         if self.mode != Mode::SERVO || !target.is_finite() {
@@ -381,86 +305,5 @@ impl Controller {
         let world_from_grip = self.flange_of(tcp) * XARM7.flange_from_grip;
         let config = XARM7.ik_nearest(&Pose3::from(world_from_grip), &self.joints)?;
         Some(Answer::Joints(vec![config.0]))
-    }
-
-    /// What the controller reports at this moment.
-    pub(super) fn report(&self, kind: ReportKind) -> Report {
-        let motion = Motion {
-            state: self.state,
-            mode: self.mode,
-            queued: self.queue.len() as u16,
-            joints: self.joints,
-            pose: self.tcp(),
-            torques: [0.0; DOF],
-        };
-        match kind {
-            ReportKind::Realtime => Report::Realtime(RealtimeReport { motion, external_force: [0.0; 6], raw_force: [0.0; 6] }),
-            ReportKind::Normal => Report::Normal(NormalReport { motion, health: self.health() }),
-            ReportKind::Rich => Report::Rich(Box::new(self.rich_report(motion))),
-        }
-    }
-
-    fn health(&self) -> Health {
-        let drives = if self.drives == Power::On { u8::MAX } else { 0 };
-        Health {
-            brakes: drives,
-            drives,
-            error: self.error,
-            warning: self.warning,
-            tcp_offset: self.flange_from_tcp,
-            load_mass: 0.0,
-            load_center: [0.0; 3],
-            collision_sensitivity: self.collision_sensitivity,
-            teach_sensitivity: self.teach_sensitivity,
-            gravity: [0.0, 0.0, -1.0],
-        }
-    }
-
-    /// Limits as the vendor's documents give them.
-    fn rich_report(&self, motion: Motion) -> RichReport {
-        RichReport {
-            motion,
-            health: self.health(),
-            firmware: format!("v{}", self.firmware),
-            tcp_limits: [100.0, 0.001, 50.0, 0.0001, 1.0],
-            joint_limits: [500.0, 0.01, 20.0, 0.0001, core::f32::consts::PI],
-            tcp_speed: self.tcp_speed(),
-            joint_speeds: self.speeds,
-        }
-    }
-
-    /// Speed of the flange, m/s.
-    fn tcp_speed(&self) -> f64 {
-        /// Seconds over which the velocity is a difference.
-        const STEP: f64 = 1e-3;
-        let after = JointConfig(core::array::from_fn(|j| self.joints[j] + self.speeds[j] * STEP as f32));
-        (XARM7.flange(&after).translation - XARM7.flange(&self.joints).translation).length() / STEP
-    }
-}
-
-/// Why a motion is not queued.
-enum PlanError {
-    /// Numbers that are none, or a form of motion that is not emulated.
-    Malformed,
-    /// What a controller stops with.
-    Code(u8),
-}
-
-fn plan_joints(start: JointConfig, target: &[Option<f32>; DOF], speed: f64, acceleration: f64) -> Result<TaskKind, PlanError> {
-    let goal = JointConfig(core::array::from_fn(|j| target[j].unwrap_or(start[j])));
-    if !(goal.is_finite() && speed.is_finite() && acceleration.is_finite()) {
-        return Err(PlanError::Malformed);
-    }
-    if !XARM7.within_limits(&goal) {
-        return Err(PlanError::Code(ERROR_JOINT_LIMIT));
-    }
-    Ok(TaskKind::Move(joint_motion(start, goal, speed, acceleration)))
-}
-
-const fn check_of(request: &Request) -> Check {
-    match request {
-        Request::MoveJoints(JointMove { check, .. }) => *check,
-        Request::MoveLine(LineMove { form: LineForm::Common { check, .. }, .. }) => *check,
-        _ => Check::Absent,
     }
 }

@@ -6,6 +6,7 @@
 mod controller;
 mod fault;
 mod gripper;
+mod listen;
 mod motion;
 mod server;
 mod socket;
@@ -13,7 +14,8 @@ mod socket;
 mod tests;
 
 pub use fault::{Fault, FaultKind};
-pub use server::{Channel, Emulator, EmulatorError, Received};
+pub use listen::{Channel, EmulatorError};
+pub use server::{Emulator, Received};
 
 use lpr_core::robot::{JointConfig, XARM7};
 use std::net::{IpAddr, Ipv4Addr};

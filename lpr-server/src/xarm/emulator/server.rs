@@ -3,15 +3,14 @@
 use super::EmulatorSettings;
 use super::controller::Controller;
 use super::fault::{Fault, FaultKind};
+use super::listen::{Channel, EmulatorError, Purpose, listen, listen_at_files};
 use super::motion::{ConnectionId, Origin};
 use super::socket::{Listener, Socket};
-use crate::files::FileError;
 use crate::xarm::Ports;
 use crate::xarm::wire::{Frame, FrameReader, HEARTBEAT_PROTOCOL, MODBUS_PROTOCOL, Report, ReportKind, Request};
 use std::collections::BTreeMap;
 use std::io::{self, Read as _, Write as _};
-use std::net::{IpAddr, SocketAddr, TcpListener};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -26,17 +25,6 @@ const ACCEPT_INTERVAL: Duration = Duration::from_millis(10);
 const REALTIME_INTERVAL: Duration = Duration::from_millis(10);
 /// Between two normal or rich reports.
 const SLOW_INTERVAL: Duration = Duration::from_millis(200);
-/// How the vendor's SDK calls the Unix sockets, before the port of a controller.
-const UDS_PREFIX: &str = "xarmcontroller_uds_";
-
-/// Which port a command came in on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Channel {
-    /// The first.
-    Command,
-    /// The second.
-    Stop,
-}
 
 /// A frame that the emulator received.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -77,13 +65,6 @@ struct Clocked {
     until: Instant,
 }
 
-/// What a listener is for.
-#[derive(Debug, Clone, Copy)]
-enum Purpose {
-    Commands(Channel),
-    Reports(ReportKind),
-}
-
 impl Emulator {
     /// Starts one.
     ///
@@ -91,25 +72,13 @@ impl Emulator {
     ///
     /// When a port or a socket file is taken or not allowed: the message names it.
     pub fn start(settings: EmulatorSettings) -> Result<Self, EmulatorError> {
-        let EmulatorSettings { bind, command_port, report_ports: [normal, rich, realtime], .. } = settings;
-        let stop_port = if command_port == 0 { 0 } else { command_port.saturating_add(1) };
-        let requested = [command_port, stop_port, normal, rich, realtime];
-        let mut listeners = Vec::new();
-        let mut bound = [0; 5];
-        for (((purpose, _), port), bound) in purposes().into_iter().zip(requested).zip(&mut bound) {
-            let listener = listen(bind, port)?;
-            *bound = listener.local_addr().map_or(port, |address| address.port());
-            listeners.push((purpose, Listener::Tcp(listener)));
-        }
-        let [command, stop, normal, rich, realtime] = bound;
+        let (ports, mut listeners) = listen(&settings)?;
         let sockets = settings.uds.as_deref().map(|directory| listen_at_files(directory, &mut listeners)).transpose()?;
         let shared = Arc::new(Shared::new(settings));
         let mut threads = vec![spawn(&shared, Shared::tick)];
         for (purpose, listener) in listeners {
-            listener.set_nonblocking().map_err(|source| EmulatorError::Listen { address: bind.to_string(), source })?;
             threads.push(spawn(&shared, move |shared| shared.accept(purpose, &listener)));
         }
-        let ports = Ports { command, stop, normal, rich, realtime };
         Ok(Self { ports, shared, threads, sockets: sockets.unwrap_or_default() })
     }
 
@@ -132,62 +101,6 @@ impl Drop for Emulator {
             let _ = std::fs::remove_file(socket);
         }
     }
-}
-
-/// Why an emulator does not start.
-#[derive(Debug, thiserror::Error)]
-pub enum EmulatorError {
-    /// An address that cannot be listened on.
-    #[error("cannot listen on {address}: {source}")]
-    Listen {
-        /// The address.
-        address: String,
-        /// The operating system's reason.
-        source: io::Error,
-    },
-    /// A socket file that cannot be made.
-    #[error(transparent)]
-    File(#[from] FileError),
-}
-
-/// Purposes with the port that each has on a controller.
-fn purposes() -> [(Purpose, u16); 5] {
-    let Ports { command, stop, normal, rich, realtime } = Ports::CONTROLLER;
-    [
-        (Purpose::Commands(Channel::Command), command),
-        (Purpose::Commands(Channel::Stop), stop),
-        (Purpose::Reports(ReportKind::Normal), normal),
-        (Purpose::Reports(ReportKind::Rich), rich),
-        (Purpose::Reports(ReportKind::Realtime), realtime),
-    ]
-}
-
-fn listen(bind: IpAddr, port: u16) -> Result<TcpListener, EmulatorError> {
-    let address = SocketAddr::new(bind, port);
-    TcpListener::bind(address).map_err(|source| EmulatorError::Listen { address: address.to_string(), source })
-}
-
-/// Unix sockets in `directory`; those that an emulator left behind when it was killed are replaced.
-#[cfg(unix)]
-fn listen_at_files(directory: &Path, listeners: &mut Vec<(Purpose, Listener)>) -> Result<Vec<PathBuf>, EmulatorError> {
-    use std::os::unix::net::{UnixListener, UnixStream};
-    let mut sockets = Vec::new();
-    for (purpose, port) in purposes() {
-        let path = directory.join(format!("{UDS_PREFIX}{port}"));
-        if path.exists() && UnixStream::connect(&path).is_err() {
-            std::fs::remove_file(&path).map_err(FileError::io("delete", &path))?;
-        }
-        let listener = UnixListener::bind(&path).map_err(FileError::io("create", &path))?;
-        listeners.push((purpose, Listener::Unix(listener)));
-        sockets.push(path);
-    }
-    Ok(sockets)
-}
-
-#[cfg(not(unix))]
-fn listen_at_files(directory: &Path, _: &mut Vec<(Purpose, Listener)>) -> Result<Vec<PathBuf>, EmulatorError> {
-    let path = directory.join(UDS_PREFIX);
-    Err(FileError::io("create", &path)(io::Error::from(io::ErrorKind::Unsupported)).into())
 }
 
 fn spawn(shared: &Arc<Shared>, run: impl FnOnce(&Arc<Shared>) + Send + 'static) -> JoinHandle<()> {

@@ -38,14 +38,6 @@ impl Listener {
         socket.prepare().ok()?;
         Some(socket)
     }
-
-    pub(super) fn set_nonblocking(&self) -> io::Result<()> {
-        match self {
-            Self::Tcp(listener) => listener.set_nonblocking(true),
-            #[cfg(unix)]
-            Self::Unix(listener) => listener.set_nonblocking(true),
-        }
-    }
 }
 
 impl Socket {

@@ -195,26 +195,48 @@ fn a_path_that_starts_elsewhere_is_refused_without_a_point() {
     assert_stopped_for_good(&received);
 }
 
-#[test]
-fn an_error_from_before_is_neither_cleared_nor_ignored() {
-    let mut setup = Setup::new(None);
-    let commands = &mut setup.link.commands;
+/// Lets someone else make the arm ready and move all joints to `angle`.
+fn someone_moves(setup: &Setup, angle: f32) -> Result<(), ClientError> {
+    let mut other = connect(&setup.emulator);
     for request in [
         Request::EnableMotion(Axis::ALL, Power::On),
         Request::SetMode(Mode::POSITION, None),
         Request::SetState(StateCommand::Run),
     ] {
-        commands.command(&request).unwrap();
+        other.commands.command(&request).unwrap();
     }
-    let beyond = JointMove { target: [Some(100.0); 7], pace: Pace { speed: 1.0, ..SERVO_PACE }, check: Check::Absent };
-    assert!(matches!(commands.command(&Request::MoveJoints(beyond)), Err(ClientError::Refused { .. })));
+    let pace = Pace { speed: 0.01, acceleration: 1.0, duration: 0.0 };
+    let motion = JointMove { target: [Some(angle); 7], pace, check: Check::Absent };
+    let moved = other.commands.command(&Request::MoveJoints(motion));
     let _ = setup.received();
+    moved.map(drop)
+}
+
+/// Fails unless nothing was sent but questions.
+#[track_caller]
+fn assert_only_looked(received: &[Received]) {
+    let registers: Vec<_> = received.iter().map(|received| received.frame.body[0]).collect();
+    assert!(registers.iter().all(|it| [register::GET_ERROR, register::GET_STATE].contains(it)), "{registers:?}");
+}
+
+#[test]
+fn an_arm_that_someone_else_moves_is_left_alone() {
+    let mut setup = Setup::new(None);
+    someone_moves(&setup, 0.5).unwrap();
+    let error = setup.execute(&path_from(XARM7.start)).unwrap_err();
+    assert!(matches!(error.cause, Cause::Busy), "{error}");
+    assert_eq!(error.stop, StopOutcome::Unneeded);
+    assert_only_looked(&setup.received());
+    assert_eq!(setup.link.commands.state().unwrap(), State::Moving);
+}
+
+#[test]
+fn an_error_from_before_is_neither_cleared_nor_ignored() {
+    let mut setup = Setup::new(None);
+    assert!(matches!(someone_moves(&setup, 100.0), Err(ClientError::Refused { .. })));
     let error = setup.execute(&path_from(XARM7.start)).unwrap_err();
     assert!(matches!(error.cause, Cause::ControllerError(23)), "{error}");
-    let received = setup.received();
-    for register in [register::CLEAN_ERROR, register::ENABLE_MOTION, register::SERVO_JOINTS] {
-        assert_eq!(requests(&received, register), []);
-    }
+    assert_only_looked(&setup.received());
 }
 
 #[test]

@@ -8,6 +8,7 @@ mod bytes;
 mod frame;
 mod gripper;
 mod pose;
+pub mod register;
 mod reply;
 mod report;
 mod request;
@@ -22,7 +23,7 @@ pub use report::{
     Health, Motion, NORMAL_BYTES, NormalReport, REALTIME_BYTES, RICH_BYTES, RealtimeReport, Report, ReportKind, ReportReader,
     RichReport,
 };
-pub use request::{Axis, Check, JointMove, LineForm, LineMove, Mode, Pace, Power, Request, StateCommand, register};
+pub use request::{Axis, Check, JointMove, LineForm, LineMove, Mode, Pace, Power, Request, StateCommand};
 
 use thiserror::Error;
 

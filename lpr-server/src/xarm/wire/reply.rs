@@ -2,8 +2,7 @@
 
 use super::bytes::{Reader, Writer};
 use super::pose::TcpPose;
-use super::request::register;
-use super::{Frame, Result, State, WireError};
+use super::{Frame, Result, State, WireError, register};
 use lpr_core::robot::{DOF, JointConfig};
 
 /// Bytes of a text.
