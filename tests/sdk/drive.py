@@ -1,14 +1,15 @@
 """Drives an emulated xArm7 with the vendor's SDK as its manual says, and prints what came back as JSON.
 
-Usage: drive.py COMMAND STOP NORMAL RICH REALTIME, the emulator's ports.
+Usage: drive.py COMMAND STOP FAST NORMAL RICH REALTIME, the emulator's ports.
 """
 
 import contextlib
 import json
+import socket
 import sys
 import time
 
-from emulated import arm as connect, redirect
+from emulated import HOST, arm as connect, redirect
 
 TARGET = [0.2, -0.5, 0.1, 0.8, -0.1, 1.4, 0.3]
 FAR = [2.0, -0.5, 0.1, 0.8, -0.1, 1.4, 0.3]
@@ -35,6 +36,18 @@ def ready(arm, mode):
 
 def same(a, b, tolerance=1e-4):
     return max(abs(x - y) for x, y in zip(a, b)) <= tolerance
+
+
+def parsed(port):
+    """One report of `port`, as the SDK's own structure reads it."""
+    from xarm.x3.report import ReportDataStructure
+
+    report = ReportDataStructure.create(port)
+    with socket.create_connection((HOST, port), timeout=PATIENCE) as stream:
+        data = stream.recv(len(report), socket.MSG_WAITALL)
+    report.update(data)
+    found = {"bytes": len(data), "data_size": report.data_size, "state": report.state, "mode": report.mode}
+    return found | {"angles": list(report.actual_joint_angle), "position": list(report.actual_tcp_pose)[:3]}
 
 
 def run():
@@ -95,6 +108,7 @@ def run():
     second = connect("real")
     found["realtime_report"] = wait_for(lambda: same(second.angles[:7], TARGET) and second.state == 2)
     found["realtime_position"] = second.position
+    found["reports"] = {port: parsed(port) for port in [30000, 30001, 30002, 30003]}
     found["connected"] = [arm.connected, second.connected]
     arm.disconnect()
     second.disconnect()

@@ -10,8 +10,8 @@ HOST = "127.0.0.1"
 
 
 def redirect(ports):
-    """From now on the SDK's connections go to `ports`: commands, stop, normal, rich, real-time reports."""
-    emulated = dict(zip([502, 503, 30001, 30002, 30003], ports))
+    """From now on the SDK's connections go to `ports`: commands, stop, fast, normal, rich, real-time."""
+    emulated = dict(zip([502, 503, 30000, 30001, 30002, 30003], ports))
     plain = socket.socket.connect
 
     def connect(self, address):

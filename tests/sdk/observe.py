@@ -1,6 +1,6 @@
 """Watches an emulated xArm7 with the vendor's SDK while someone else moves it, and prints the joint angles it saw as JSON.
 
-Usage: observe.py COMMAND STOP NORMAL RICH REALTIME, the emulator's ports. It prints a line when it has begun, and ends when its
+Usage: observe.py COMMAND STOP FAST NORMAL RICH REALTIME, the emulator's ports. It prints a line when it has begun, and ends when its
 standard input is closed.
 """
 

@@ -27,8 +27,8 @@ const SCENE: [&str; 2] = ["--seed", "2"];
 /// `lpr xarm emulate`, ended with the test.
 struct Emulated {
     child: Child,
-    /// Commands, stop, normal, rich, real-time.
-    ports: [String; 5],
+    /// Commands, stop, then fast, normal, rich and real-time reports.
+    ports: [String; 6],
     log: PathBuf,
     _stdout: BufReader<ChildStdout>,
 }
@@ -44,18 +44,19 @@ impl Drop for Emulated {
 impl Emulated {
     fn start(folder: &Folder, options: &[&str]) -> Self {
         let log = folder.path().join("received.jsonl");
-        let mut emulate = command(&["xarm", "emulate", "--command-port", "0", "--report-ports", "0,0,0", "--json", "--log"]);
+        let mut emulate = command(&["xarm", "emulate", "--command-port", "0", "--report-ports", "0,0,0,0", "--json", "--log"]);
         let mut child = emulate.arg(&log).args(options).stdout(Stdio::piped()).spawn().unwrap();
         let mut stdout = BufReader::new(child.stdout.take().unwrap());
         let listening: Value = serde_json::from_str(&line(&mut stdout)).unwrap();
         let reports = listening["report_ports"].as_array().unwrap();
-        let ports = [&listening["command_port"], &listening["stop_port"], &reports[0], &reports[1], &reports[2]];
+        let [fast, normal, rich, realtime] = [0, 1, 2, 3].map(|idx| &reports[idx]);
+        let ports = [&listening["command_port"], &listening["stop_port"], fast, normal, rich, realtime];
         Self { child, ports: ports.map(Value::to_string), log, _stdout: stdout }
     }
 
     /// The arguments of `lpr xarm run` on it.
     fn run<'a>(&'a self, run: &'a str, options: &[&'a str]) -> Vec<&'a str> {
-        let [command, stop, _, _, realtime] = &self.ports;
+        let [command, stop, .., realtime] = &self.ports;
         let fixed = ["xarm", "run", run, "--host", "127.0.0.1", "--command-port", command, "--stop-port", stop];
         [&fixed[..], &["--report-port", realtime], &SCENE, &PATIENT, options].concat()
     }
@@ -160,7 +161,7 @@ fn the_vendors_sdk_drives_the_emulated_arm() {
     is("refused_after_stop", 9.into());
     is("recovered", vec![0; 5].into());
     is("codes", serde_json::json!([0, [0, 0]]));
-    // Reports of 587 and of 135 bytes.
+    // Reports, as the SDK's clients and its parser read them.
     for key in ["rich_report", "realtime_report"] {
         is(key, true.into());
     }
@@ -168,6 +169,13 @@ fn the_vendors_sdk_drives_the_emulated_arm() {
         assert_near(&found[key], &floats(&found["position"][1]), 1e-2);
     }
     is("connected", vec![true, true].into());
+    for (port, bytes) in [("30000", 804), ("30001", 145), ("30002", 587), ("30003", 135)] {
+        let report = &found["reports"][port];
+        assert_eq!((&report["bytes"], &report["data_size"]), (&bytes.into(), &bytes.into()), "{port}: {report}");
+        assert_eq!((&report["state"], &report["mode"]), (&2.into(), &0.into()), "{port}: {report}");
+        assert_near(&report["angles"], &floats(&found["target"]), 1e-4);
+        assert_near(&report["position"], &floats(&found["position"][1])[..3], 1e-2);
+    }
 }
 
 #[test]

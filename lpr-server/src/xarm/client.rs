@@ -320,7 +320,7 @@ impl SharedReports {
             let at = Instant::now();
             loop {
                 match reader.next_report() {
-                    Ok(Some(report)) => *self.newest() = Some(Observed { motion: *report.motion(), at }),
+                    Ok(Some(report)) => *self.newest() = report.motion().map(|motion| Observed { motion: *motion, at }),
                     Ok(None) => break,
                     Err(_) => return,
                 }

@@ -20,6 +20,8 @@ pub struct Ports {
     pub command: u16,
     /// The second port of commands: [`wire::STOP_PORT`] on a controller.
     pub stop: u16,
+    /// Fast reports: [`wire::FAST_PORT`] on a controller.
+    pub fast: u16,
     /// Normal reports: [`wire::NORMAL_PORT`] on a controller.
     pub normal: u16,
     /// Rich reports: [`wire::RICH_PORT`] on a controller.
@@ -33,6 +35,7 @@ impl Ports {
     pub const CONTROLLER: Self = Self {
         command: wire::COMMAND_PORT,
         stop: wire::STOP_PORT,
+        fast: wire::FAST_PORT,
         normal: wire::NORMAL_PORT,
         rich: wire::RICH_PORT,
         realtime: wire::REALTIME_PORT,

@@ -3,7 +3,10 @@
 //! [`lpr_core::path::TimedPath`] gives a path one speed profile; the direction changes at once at its configurations, which a
 //! kinematic arm in a simulator does not mind. Here the arm slows down at every corner so far that the change of direction, spread
 //! over one tick, asks no joint for more than a share of its acceleration. The geometry stays that of the path. Between corners
-//! speed and acceleration are constant in turn, so jerk is not bounded: the controller's own servo loop smooths it.
+//! speed and acceleration are constant in turn, so jerk is not bounded.
+//!
+//! On paths that a trained agent chose in 29 scenes of `reach_target`, at 0.5 rad/s and 100 Hz, one profile asks joints for up to
+//! 53 rad/s², where their limit is 10; this schedule for at most 4.5, and it takes 0 to 4 % longer.
 
 use lpr_core::path::JointPath;
 use lpr_core::robot::{DOF, JointConfig, Robot};

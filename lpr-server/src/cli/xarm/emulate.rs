@@ -1,6 +1,6 @@
 //! `lpr xarm emulate`: the controller of an arm on this computer.
 //!
-//! The vendor's SDK looks for its ports (502, 503, 30001 to 30003), which need a privileged user below 1024, or for Unix sockets in
+//! The vendor's SDK looks for its ports (502, 503, 30000 to 30003), which need a privileged user below 1024, or for Unix sockets in
 //! `/tmp`: `--uds /tmp`.
 
 use super::super::{Failure, Format, Result};
@@ -31,9 +31,10 @@ pub(in super::super) struct Arguments {
     /// Port of commands; the second one is the next. 0 takes free ones
     #[arg(long, value_name = "PORT", default_value_t = Ports::CONTROLLER.command)]
     command_port: u16,
-    /// Ports of normal (145 bytes, 5 Hz), rich (587 bytes, 5 Hz) and real-time (135 bytes, 100 Hz) reports; 0 takes a free one
-    #[arg(long, value_name = "PORTS", default_value = "30001,30002,30003", value_parser = report_ports)]
-    report_ports: [u16; 3],
+    /// Ports of fast (804 bytes, 250 Hz), normal (145 bytes, 5 Hz), rich (587 bytes, 5 Hz) and real-time (135 bytes, 100 Hz)
+    /// reports; 0 takes a free one
+    #[arg(long, value_name = "PORTS", default_value = "30000,30001,30002,30003", value_parser = report_ports)]
+    report_ports: [u16; 4],
     /// Directory for Unix sockets beside the ports, named as the vendor's SDK looks for them (in /tmp)
     #[arg(long, value_name = "DIR")]
     uds: Option<PathBuf>,
@@ -59,8 +60,8 @@ fn numbers<T: core::str::FromStr, const N: usize>(text: &str) -> Option<[T; N]> 
     numbers?.try_into().ok()
 }
 
-fn report_ports(text: &str) -> Result<[u16; 3], String> {
-    numbers(text).ok_or_else(|| "expected three ports, as in 30001,30002,30003".to_owned())
+fn report_ports(text: &str) -> Result<[u16; 4], String> {
+    numbers(text).ok_or_else(|| "expected four ports, as in 30000,30001,30002,30003".to_owned())
 }
 
 fn start(text: &str) -> Result<JointConfig, String> {
@@ -77,7 +78,7 @@ struct Listening {
     bind: IpAddr,
     command_port: u16,
     stop_port: u16,
-    report_ports: [u16; 3],
+    report_ports: [u16; 4],
 }
 
 pub(in super::super) fn run(arguments: &Arguments, format: Format) -> Result<()> {
@@ -99,8 +100,8 @@ pub(in super::super) fn run(arguments: &Arguments, format: Format) -> Result<()>
         thread::spawn(move || log(&receiver, file));
     }
     let emulator = Emulator::start(settings)?;
-    let Ports { command, stop, normal, rich, realtime } = emulator.ports();
-    let report_ports = [normal, rich, realtime];
+    let Ports { command, stop, fast, normal, rich, realtime } = emulator.ports();
+    let report_ports = [fast, normal, rich, realtime];
     let listening = Listening { bind: arguments.bind, command_port: command, stop_port: stop, report_ports };
     match format {
         Format::Json => super::super::print(&listening, format)?,
@@ -112,8 +113,8 @@ pub(in super::super) fn run(arguments: &Arguments, format: Format) -> Result<()>
 
 impl fmt::Display for Listening {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { bind, command_port, stop_port, report_ports: [normal, rich, realtime] } = self;
-        write!(f, "listening on {bind}: commands {command_port} and {stop_port}, reports {normal}, {rich} and {realtime}")
+        let Self { bind, command_port, stop_port, report_ports: [fast, normal, rich, realtime] } = self;
+        write!(f, "listening on {bind}: commands {command_port} and {stop_port}, reports {fast}, {normal}, {rich} and {realtime}")
     }
 }
 

@@ -114,9 +114,13 @@ impl Controller {
 
     /// What to tell whom since the last call.
     pub(super) fn take_told(&mut self) -> Vec<Addressed> {
-        let micros = (self.time * 1e6) as u64;
+        let micros = self.micros();
         let told = core::mem::take(&mut self.told);
         told.into_iter().map(|(connection, feedback)| (connection, crate::xarm::wire::Feedback { micros, ..feedback })).collect()
+    }
+
+    const fn micros(&self) -> u64 {
+        (self.time * 1e6) as u64
     }
 
     /// The bits of every reply.
@@ -173,8 +177,8 @@ impl Controller {
             | Request::MoveJointsBlended { .. }
             | Request::MoveHome(_)
             | Request::MoveLine(_)
-            | Request::Sleep(_)
-            | Request::FeedbackCheck => return self.queue_motion(request, origin),
+            | Request::Sleep(_) => return self.queue_motion(request, origin),
+            Request::FeedbackCheck => self.check_feedback(origin),
             Request::ServoJoints(joints, _) => return self.servo(joints),
             Request::SetFeedback(mask) => {
                 self.feedback_mask = *mask;

@@ -45,11 +45,12 @@ pub enum EmulatorError {
 }
 
 /// Purposes with the port that each has on a controller.
-fn purposes() -> [(Purpose, u16); 5] {
-    let Ports { command, stop, normal, rich, realtime } = Ports::CONTROLLER;
+fn purposes() -> [(Purpose, u16); 6] {
+    let Ports { command, stop, fast, normal, rich, realtime } = Ports::CONTROLLER;
     [
         (Purpose::Commands(Channel::Command), command),
         (Purpose::Commands(Channel::Stop), stop),
+        (Purpose::Reports(ReportKind::Fast), fast),
         (Purpose::Reports(ReportKind::Normal), normal),
         (Purpose::Reports(ReportKind::Rich), rich),
         (Purpose::Reports(ReportKind::Realtime), realtime),
@@ -58,15 +59,15 @@ fn purposes() -> [(Purpose, u16); 5] {
 
 /// Listens on every port, and says on which.
 pub(super) fn listen(settings: &EmulatorSettings) -> Result<(Ports, Vec<(Purpose, Listener)>), EmulatorError> {
-    let EmulatorSettings { bind, command_port, report_ports: [normal, rich, realtime], .. } = *settings;
+    let EmulatorSettings { bind, command_port, report_ports: [fast, normal, rich, realtime], .. } = *settings;
     let stop_port = if command_port == 0 { 0 } else { command_port.saturating_add(1) };
-    let mut ports = [command_port, stop_port, normal, rich, realtime];
+    let mut ports = [command_port, stop_port, fast, normal, rich, realtime];
     let mut listeners = Vec::new();
     for ((purpose, _), port) in purposes().into_iter().zip(&mut ports) {
         listeners.push((purpose, Listener::Tcp(listen_at(bind, port)?)));
     }
-    let [command, stop, normal, rich, realtime] = ports;
-    Ok((Ports { command, stop, normal, rich, realtime }, listeners))
+    let [command, stop, fast, normal, rich, realtime] = ports;
+    Ok((Ports { command, stop, fast, normal, rich, realtime }, listeners))
 }
 
 /// Listens on `port`, which becomes the one that was free when it is 0.

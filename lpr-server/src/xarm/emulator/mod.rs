@@ -29,8 +29,8 @@ pub struct EmulatorSettings {
     pub bind: IpAddr,
     /// Port of commands; the next one up is the second port of commands. 0 takes two free ones.
     pub command_port: u16,
-    /// Ports of normal, rich and real-time reports; 0 takes a free one.
-    pub report_ports: [u16; 3],
+    /// Ports of fast, normal, rich and real-time reports; 0 takes a free one.
+    pub report_ports: [u16; 4],
     /// Directory for Unix sockets beside the ports, with the names that the vendor's SDK looks for.
     pub uds: Option<PathBuf>,
     /// Version of the firmware that it claims to be.
@@ -50,7 +50,7 @@ impl EmulatorSettings {
         Self {
             bind: Ipv4Addr::LOCALHOST.into(),
             command_port: 0,
-            report_ports: [0; 3],
+            report_ports: [0; 4],
             uds: None,
             firmware: "2.5.0".to_owned(),
             start: XARM7.start,

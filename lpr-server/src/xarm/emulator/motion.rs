@@ -59,7 +59,7 @@ impl Task {
         }
     }
 
-    fn feedback(&self, kind: FeedbackKind, code: FeedbackCode) -> Option<Addressed> {
+    pub(super) fn feedback(&self, kind: FeedbackKind, code: FeedbackCode) -> Option<Addressed> {
         let Origin { connection, transaction, protocol } = self.origin;
         let wanted = self.mask & kind as u8 != 0;
         let (register, task) = (self.register, self.number);

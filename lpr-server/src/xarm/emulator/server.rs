@@ -17,7 +17,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-/// How often time passes for the controller.
+/// How often time passes for the controller, and between two fast reports.
 const TICK: Duration = Duration::from_millis(4);
 /// How often connections are looked for.
 const ACCEPT_INTERVAL: Duration = Duration::from_millis(10);
@@ -161,6 +161,7 @@ impl Shared {
         let (mut realtime, mut slow) = (Instant::now(), Instant::now());
         while !self.ends() {
             self.send_feedback();
+            self.send_reports(&[ReportKind::Fast]);
             let now = Instant::now();
             if now >= realtime {
                 realtime = (realtime + REALTIME_INTERVAL).max(now);

@@ -142,6 +142,7 @@ fn a_pause_waits_and_running_goes_on() {
     desk.ask(&turn(1.0));
     desk.controller.advance(0.3);
     desk.ask(&Request::SetState(StateCommand::Pause));
+    desk.ask(&turn(1.0));
     let paused_at = desk.joints();
     desk.controller.advance(1.0);
     assert_eq!((desk.joints(), desk.state()), (paused_at, State::Paused));
@@ -247,7 +248,7 @@ fn reports_say_what_the_controller_is() {
     desk.controller.advance(1.0);
     for kind in [ReportKind::Realtime, ReportKind::Normal, ReportKind::Rich] {
         let report = desk.controller.report(kind);
-        let motion = report.motion();
+        let motion = report.motion().unwrap();
         assert_eq!((motion.state, motion.mode, motion.joints), (State::Ready, Mode::SERVO, target));
         assert_eq!(report.encode().len(), kind.bytes());
     }

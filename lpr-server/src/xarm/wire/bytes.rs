@@ -18,6 +18,10 @@ impl Reader<'_> {
         self.bytes().map(u16::from_be_bytes)
     }
 
+    pub(super) fn u64(&mut self) -> Option<u64> {
+        self.bytes().map(u64::from_be_bytes)
+    }
+
     pub(super) fn i32_be(&mut self) -> Option<i32> {
         self.bytes().map(i32::from_be_bytes)
     }

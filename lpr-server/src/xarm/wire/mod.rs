@@ -20,8 +20,8 @@ pub use gripper::{Rtu, RtuBody, gripper_register};
 pub use pose::TcpPose;
 pub use reply::{Answer, Feedback, FeedbackCode, FeedbackKind, Reply, Status};
 pub use report::{
-    Health, Motion, NORMAL_BYTES, NormalReport, REALTIME_BYTES, RICH_BYTES, RealtimeReport, Report, ReportKind, ReportReader,
-    RichReport,
+    FAST_BYTES, FastReport, Health, Motion, NORMAL_BYTES, NormalReport, REALTIME_BYTES, RICH_BYTES, RealtimeReport, Report,
+    ReportKind, ReportReader, RichReport,
 };
 pub use request::{Axis, Check, JointMove, LineForm, LineMove, Mode, Pace, Power, Request, StateCommand};
 
@@ -31,6 +31,8 @@ use thiserror::Error;
 pub const COMMAND_PORT: u16 = 502;
 /// Second port of commands, which stays free when the first is stuck.
 pub const STOP_PORT: u16 = 503;
+/// Reports of 804 bytes, 250 times a second.
+pub const FAST_PORT: u16 = 30_000;
 /// Reports of 145 bytes, 5 times a second.
 pub const NORMAL_PORT: u16 = 30_001;
 /// Reports of 587 bytes, 5 times a second.

@@ -6,6 +6,8 @@ use super::request::Mode;
 use super::{Result, State, WireError};
 use lpr_core::robot::{DOF, JointConfig};
 
+/// Bytes of a [`FastReport`].
+pub const FAST_BYTES: usize = 804;
 /// Bytes of a [`RealtimeReport`].
 pub const REALTIME_BYTES: usize = 135;
 /// Bytes of a [`NormalReport`].
@@ -103,9 +105,34 @@ pub struct RichReport {
     pub joint_speeds: [f32; DOF],
 }
 
+/// The report of port [`super::FAST_PORT`]; what this program does not know is sent as zeros and not read.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FastReport {
+    /// Time of the controller, microseconds.
+    pub micros: u64,
+    /// The state.
+    pub state: State,
+    /// The mode.
+    pub mode: Mode,
+    /// Motions in the queue.
+    pub queued: u16,
+    /// Where the joints should be, radians.
+    pub target: JointConfig,
+    /// Where they are, radians.
+    pub joints: JointConfig,
+    /// Their speeds, rad/s.
+    pub joint_speeds: [f32; DOF],
+    /// Where the tool is, metres.
+    pub position: [f64; 3],
+    /// Rotation of the tool: axis times angle, radians.
+    pub axis_angle: [f32; 3],
+}
+
 /// Which report a port sends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ReportKind {
+    /// [`FastReport`], 250 times a second.
+    Fast,
     /// [`RealtimeReport`], 100 times a second.
     Realtime,
     /// [`NormalReport`], 5 times a second.
@@ -117,6 +144,8 @@ pub enum ReportKind {
 /// A report of any kind.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Report {
+    /// Of [`ReportKind::Fast`].
+    Fast(FastReport),
     /// Of [`ReportKind::Realtime`].
     Realtime(RealtimeReport),
     /// Of [`ReportKind::Normal`].
@@ -137,6 +166,7 @@ impl ReportKind {
     #[must_use]
     pub const fn bytes(self) -> usize {
         match self {
+            Self::Fast => FAST_BYTES,
             Self::Realtime => REALTIME_BYTES,
             Self::Normal => NORMAL_BYTES,
             Self::Rich => RICH_BYTES,
@@ -175,12 +205,13 @@ impl ReportReader {
 }
 
 impl Report {
-    /// Where the arm is and what it does.
+    /// Where the arm is and what it does; none of a fast report, which counts poses otherwise.
     #[must_use]
-    pub const fn motion(&self) -> &Motion {
+    pub const fn motion(&self) -> Option<&Motion> {
         match self {
-            Self::Realtime(RealtimeReport { motion, .. }) | Self::Normal(NormalReport { motion, .. }) => motion,
-            Self::Rich(report) => &report.motion,
+            Self::Fast(_) => None,
+            Self::Realtime(RealtimeReport { motion, .. }) | Self::Normal(NormalReport { motion, .. }) => Some(motion),
+            Self::Rich(report) => Some(&report.motion),
         }
     }
 
@@ -188,6 +219,7 @@ impl Report {
     #[must_use]
     pub fn encode(&self) -> Vec<u8> {
         match self {
+            Self::Fast(report) => report.encode(),
             Self::Realtime(report) => report.encode(),
             Self::Normal(report) => report.encode(),
             Self::Rich(report) => report.encode(),
@@ -197,8 +229,12 @@ impl Report {
     /// What follows the length; none when bytes are missing.
     fn read(kind: ReportKind, bytes: &[u8]) -> Result<Option<Self>> {
         let mut reader = Reader(bytes);
+        if kind == ReportKind::Fast {
+            return Ok(FastReport::read(&mut reader)?.map(Self::Fast));
+        }
         let Some(motion) = Motion::read(&mut reader)? else { return Ok(None) };
         let report = match kind {
+            ReportKind::Fast => None,
             ReportKind::Realtime => {
                 let forces = reader.f32s().zip(reader.f32s());
                 forces.map(|(external_force, raw_force)| Self::Realtime(RealtimeReport { motion, external_force, raw_force }))
@@ -211,6 +247,38 @@ impl Report {
             }
         };
         Ok(report)
+    }
+}
+
+impl FastReport {
+    fn read(reader: &mut Reader<'_>) -> Result<Option<Self>> {
+        let Some((micros, (state, queued))) = reader.u64().zip(reader.u8().zip(reader.u16())) else { return Ok(None) };
+        let (state, mode) = (State::from_number(state & 0x0f)?, Mode(state >> 4));
+        let mut numbers = || {
+            reader.bytes::<17>()?;
+            let target = JointConfig(reader.f32s()?);
+            reader.bytes::<56>()?;
+            let (joints, joint_speeds) = (JointConfig(reader.f32s()?), reader.f32s()?);
+            reader.bytes::<300>()?;
+            let (position, axis_angle) = (reader.f32s()?.map(metres), reader.f32s()?);
+            Some(Self { micros, state, mode, queued, target, joints, joint_speeds, position, axis_angle })
+        };
+        Ok(numbers())
+    }
+
+    fn encode(&self) -> Vec<u8> {
+        let Self { micros, state, mode, queued, target, joints, joint_speeds, position, axis_angle } = self;
+        let mut writer = begin(FAST_BYTES);
+        writer.u64(*micros).u8(*state as u8 | mode.0 << 4).u16(*queued).zeros(17);
+        // Speeds and accelerations that should be; then accelerations, currents and torques that are, and space.
+        writer.f32s(&target.0).zeros(56).f32s(&joints.0).f32s(joint_speeds).zeros(252);
+        // The pose that should be and its speed, then the pose that is.
+        for _ in 0..2 {
+            writer.f32s(&position.map(millimetres)).f32s(axis_angle).zeros(24);
+        }
+        let n = FAST_BYTES - writer.0.len();
+        writer.zeros(n);
+        writer.0
     }
 }
 

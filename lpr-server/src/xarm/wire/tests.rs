@@ -264,11 +264,22 @@ fn answer() -> impl Strategy<Value = (u8, Answer)> {
 
 fn report() -> impl Strategy<Value = Report> {
     let states = vec![State::Moving, State::Ready, State::Paused, State::Stopped, State::Reconfigured, State::Decelerating];
-    let kinds = vec![ReportKind::Realtime, ReportKind::Normal, ReportKind::Rich];
+    let kinds = vec![ReportKind::Fast, ReportKind::Realtime, ReportKind::Normal, ReportKind::Rich];
     let parts = (prop::sample::select(kinds), prop::sample::select(states), joints(), pose(), any::<u8>(), length());
     parts.prop_map(|(kind, state, joints, pose, error, tcp_speed)| {
         let (motion, health) = (motion(state, joints, pose), health(error));
         match kind {
+            ReportKind::Fast => Report::Fast(FastReport {
+                micros: u64::from(error) << 40,
+                state,
+                mode: Mode::SERVO,
+                queued: 3,
+                target: JointConfig([0.1; DOF]),
+                joints: JointConfig(joints),
+                joint_speeds: [0.2; DOF],
+                position: pose.position,
+                axis_angle: [0.1, 0.2, 0.3],
+            }),
             ReportKind::Realtime => Report::Realtime(RealtimeReport { motion, external_force: [1.0; 6], raw_force: [-1.0; 6] }),
             ReportKind::Normal => Report::Normal(NormalReport { motion, health }),
             ReportKind::Rich => Report::Rich(Box::new(RichReport {
@@ -286,6 +297,7 @@ fn report() -> impl Strategy<Value = Report> {
 
 const fn kind(report: &Report) -> ReportKind {
     match report {
+        Report::Fast(_) => ReportKind::Fast,
         Report::Realtime(_) => ReportKind::Realtime,
         Report::Normal(_) => ReportKind::Normal,
         Report::Rich(_) => ReportKind::Rich,

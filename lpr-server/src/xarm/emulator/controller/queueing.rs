@@ -2,7 +2,9 @@
 
 use super::super::motion::{Origin, Task, TaskKind, joint_motion, line_motion};
 use super::{Controller, ERROR_JOINT_LIMIT};
-use crate::xarm::wire::{Answer, Check, JointMove, LineForm, LineMove, Mode, Pace, Request, State, TcpPose};
+use crate::xarm::wire::{
+    Answer, Check, FeedbackCode, FeedbackKind, JointMove, LineForm, LineMove, Mode, Pace, Request, State, TcpPose, register,
+};
 use lpr_core::robot::{DOF, JointConfig, XARM7};
 
 /// Motions that the queue holds.
@@ -29,7 +31,7 @@ impl Controller {
             return None;
         }
         // The bits of the reply say that it was not queued.
-        if !self.can_move() && *request != Request::FeedbackCheck {
+        if !self.can_move() {
             return Some(Answer::Queued(0, check_answer));
         }
         let kind = match self.plan(request) {
@@ -44,14 +46,29 @@ impl Controller {
         if check == Check::Only {
             return Some(Answer::Queued(self.queue.len() as u16, check_answer));
         }
-        let number = self.next_task;
-        self.next_task = self.next_task.wrapping_add(1).max(1);
-        self.queue.push(Task::new(number, request.register(), origin, self.feedback_mask, kind));
-        if self.can_move() {
+        let task = self.task(request.register(), origin, kind);
+        self.queue.push(task);
+        if self.state == State::Ready {
             self.state = State::Moving;
         }
-        let queued = Answer::Queued(self.queue.len() as u16, check_answer);
-        Some(if *request == Request::FeedbackCheck { Answer::Done } else { queued })
+        Some(Answer::Queued(self.queue.len() as u16, check_answer))
+    }
+
+    /// Tells when the queue gets there: at once where nothing moves.
+    pub(super) fn check_feedback(&mut self, origin: Origin) -> Answer {
+        let task = self.task(register::FEEDBACK_CHECK, origin, TaskKind::Wait { secs: 0.0 });
+        if self.queue.len() == 0 {
+            self.told.extend(task.feedback(FeedbackKind::End, FeedbackCode::Done));
+        } else {
+            self.queue.push(task);
+        }
+        Answer::Done
+    }
+
+    fn task(&mut self, register: u8, origin: Origin, kind: TaskKind) -> Task {
+        let number = self.next_task;
+        self.next_task = self.next_task.wrapping_add(1).max(1);
+        Task::new(number, register, origin, self.feedback_mask, kind)
     }
 
     fn plan(&self, request: &Request) -> Result<TaskKind, PlanError> {
@@ -64,7 +81,6 @@ impl Controller {
             Request::MoveHome(Pace { speed, acceleration, .. }) => plan(&[Some(0.0); DOF], *speed, *acceleration),
             Request::MoveLine(line) => self.plan_line(line, self.planned()),
             Request::Sleep(secs) if secs.is_finite() && *secs >= 0.0 => Ok(TaskKind::Wait { secs: f64::from(*secs) }),
-            Request::FeedbackCheck => Ok(TaskKind::Wait { secs: 0.0 }),
             _ => Err(PlanError::Malformed),
         }
     }

@@ -1,7 +1,8 @@
 //! What the controller reports of itself.
 
 use super::Controller;
-use crate::xarm::wire::{Health, Motion, NormalReport, Power, RealtimeReport, Report, ReportKind, RichReport};
+use crate::xarm::wire::{FastReport, Health, Motion, NormalReport, Power, RealtimeReport, Report, ReportKind, RichReport};
+use lpr_core::glamx::DPose3;
 use lpr_core::robot::{DOF, JointConfig, XARM7};
 
 impl Controller {
@@ -16,9 +17,26 @@ impl Controller {
             torques: [0.0; DOF],
         };
         match kind {
+            ReportKind::Fast => Report::Fast(self.fast_report()),
             ReportKind::Realtime => Report::Realtime(RealtimeReport { motion, external_force: [0.0; 6], raw_force: [0.0; 6] }),
             ReportKind::Normal => Report::Normal(NormalReport { motion, health: self.health() }),
             ReportKind::Rich => Report::Rich(Box::new(self.rich_report(motion))),
+        }
+    }
+
+    fn fast_report(&self) -> FastReport {
+        let tcp = DPose3::from(self.tcp());
+        let (axis, angle) = tcp.rotation.to_axis_angle();
+        FastReport {
+            micros: self.micros(),
+            state: self.state,
+            mode: self.mode,
+            queued: self.queue.len() as u16,
+            target: self.servo_target.unwrap_or(self.joints),
+            joints: self.joints,
+            joint_speeds: self.speeds,
+            position: tcp.translation.to_array(),
+            axis_angle: (axis * angle).as_vec3().to_array(),
         }
     }
 
