@@ -2,7 +2,7 @@
 # set would build all of burn once more. lpr-wasm/build.sh builds without it.
 ALL := --locked --workspace --features lpr-core/ndarray
 
-.PHONY: check fmt lint doc page test test-doc faults
+.PHONY: check fmt lint doc page test test-doc tools faults
 
 check: fmt lint doc page test test-doc
 
@@ -16,12 +16,16 @@ doc:
 	RUSTDOCFLAGS=-Dwarnings cargo doc $(ALL) --no-deps
 
 # With the page's tests, which visit what `make page` has built.
-test:
+test: tools
 	cargo nextest run $(ALL)
 
 # Kills runs 20 times with the demonstrator's poses and 20 times with learned ones; `test` does so 4 times.
 faults:
 	LPR_KILLS=20 cargo nextest run $(ALL) -E 'test(interrupted::)' --profile faults --no-capture
+
+# What tests run beside the binary: Python with the vendor's SDK of the xArm.
+tools:
+	tests/python.sh
 
 test-doc:
 	cargo test $(ALL) --doc

@@ -15,3 +15,4 @@ pub mod metrics;
 pub mod run_directory;
 pub mod run_options;
 pub mod tensorboard;
+pub mod xarm;

@@ -8,6 +8,9 @@ use std::path::{Path, PathBuf};
 /// Longest Rust file, lines.
 const MAX_LINES: usize = 600;
 
+/// Where lengths are millimetres.
+const WIRE: &str = "lpr-server/src/xarm/wire";
+
 /// One line of a source file without its comment.
 struct Line {
     file: PathBuf,
@@ -95,6 +98,12 @@ fn planning_alone_is_built_without_networks_and_simulator() {
     for name in core_dependencies(&["--no-default-features"]) {
         assert!(!name.starts_with("burn") && !name.starts_with("rapier") && name != "rayon", "planning alone depends on {name}");
     }
+}
+
+#[test]
+fn only_the_wire_knows_millimetres() {
+    let lines: Vec<_> = code_below("lpr-server/src/xarm").into_iter().filter(|line| !line.file.starts_with(WIRE)).collect();
+    assert_absent(&lines, &["millimetres", "mm", "to_degrees", "to_radians"]);
 }
 
 #[test]

@@ -8,6 +8,8 @@ mod events;
 mod interrupted;
 mod lpr;
 mod output;
+mod page;
 mod runs;
 mod serve;
 mod server;
+mod xarm;

@@ -15,8 +15,13 @@ mod robots;
 mod serve;
 mod tasks;
 mod train;
+mod xarm;
 
 use crate::files::FileError;
+use crate::xarm::client::ClientError;
+use crate::xarm::emulator::EmulatorError;
+use crate::xarm::executor::ExecutionError;
+use crate::xarm::safety::SafetyError;
 use clap::{Args, Parser, Subcommand};
 use core::fmt::Display;
 use lpr_core::config::Config;
@@ -76,6 +81,9 @@ enum Command {
     Bench(bench::Arguments),
     /// Serve training jobs over HTTP, and the page that shows them
     Serve(serve::Arguments),
+    /// Run an agent on a UFACTORY xArm7, or emulate its controller
+    #[command(subcommand)]
+    Xarm(xarm::Action),
 }
 
 impl Command {
@@ -93,6 +101,7 @@ impl Command {
             Self::Eval(arguments) => print(&eval::run(arguments)?, format),
             Self::Bench(arguments) => print(&bench::run(arguments)?, format),
             Self::Serve(arguments) => serve::run(arguments),
+            Self::Xarm(action) => xarm::run(action, format),
         }
     }
 }
@@ -153,6 +162,21 @@ enum Failure {
     /// The server cannot go on.
     #[error("the server: {0}")]
     Server(io::Error),
+    /// An emulator that cannot start.
+    #[error(transparent)]
+    Emulator(#[from] EmulatorError),
+    /// A controller that cannot be reached or does not answer.
+    #[error(transparent)]
+    Client(#[from] ClientError),
+    /// A path that the arm must not run.
+    #[error("the path is not safe: {0}")]
+    Safety(#[from] SafetyError),
+    /// A path that was not run to its end.
+    #[error(transparent)]
+    Execution(#[from] ExecutionError),
+    /// The agent proposes nothing to run.
+    #[error("the agent found no path: {0}")]
+    NoPath(String),
     /// Standard output is closed or full.
     #[error("cannot write to standard output: {0}")]
     Output(#[from] io::Error),

@@ -1,0 +1,42 @@
+//! Numbers of the controller's registers.
+
+#![expect(missing_docs, reason = "the names are the vendor's and say it")]
+
+pub const GET_VERSION: u8 = 1;
+pub const GET_SERIAL: u8 = 2;
+pub const ENABLE_MOTION: u8 = 11;
+pub const SET_STATE: u8 = 12;
+pub const GET_STATE: u8 = 13;
+pub const GET_COMMAND_COUNT: u8 = 14;
+pub const GET_ERROR: u8 = 15;
+pub const CLEAN_ERROR: u8 = 16;
+pub const CLEAN_WARNING: u8 = 17;
+pub const SET_MODE: u8 = 19;
+pub const MOVE_LINE: u8 = 21;
+pub const MOVE_JOINTS: u8 = 23;
+pub const MOVE_JOINTS_BLENDED: u8 = 24;
+pub const MOVE_HOME: u8 = 25;
+pub const SLEEP: u8 = 26;
+pub const SERVO_JOINTS: u8 = 29;
+pub const SET_TCP_JERK: u8 = 31;
+pub const SET_TCP_ACCELERATION: u8 = 32;
+pub const SET_JOINT_JERK: u8 = 33;
+pub const SET_JOINT_ACCELERATION: u8 = 34;
+pub const SET_TCP_OFFSET: u8 = 35;
+pub const SET_LOAD: u8 = 36;
+pub const SET_COLLISION_SENSITIVITY: u8 = 37;
+pub const SET_TEACH_SENSITIVITY: u8 = 38;
+pub const GET_TCP_POSE: u8 = 41;
+pub const GET_JOINTS: u8 = 42;
+pub const GET_IK: u8 = 43;
+pub const GET_FK: u8 = 44;
+pub const IS_JOINT_LIMIT: u8 = 45;
+pub const IS_TCP_LIMIT: u8 = 46;
+pub const GET_JOINT_TORQUES: u8 = 55;
+pub const RS485: u8 = 124;
+pub const GET_TOOL_ERROR: u8 = 125;
+pub const WRITE_TOOL_16: u8 = 127;
+pub const READ_TOOL_16: u8 = 128;
+pub const FEEDBACK_CHECK: u8 = 253;
+pub const SET_FEEDBACK: u8 = 254;
+pub const FEEDBACK: u8 = 255;
