@@ -153,6 +153,16 @@ fn an_error_of_the_controller_ends_the_stream_with_its_number() {
     assert_stopped_for_good(&setup.received());
 }
 
+#[test]
+fn an_arm_that_does_not_follow_is_stopped() {
+    let mut setup = Setup::new(Some(Fault { kind: FaultKind::HoldArm, after_points: 5 }));
+    let watchdogs = Watchdogs { max_tracking_error: 0.1, ..PATIENT };
+    let error = setup.link.execute(&path_from(XARM7.start), &watchdogs, &AtomicBool::new(false)).unwrap_err();
+    let Cause::Tracking { joint: 1, error: distance } = error.cause else { panic!("{error}") };
+    assert!(distance > 0.1 && distance < 0.2 && error.points_sent < error.n_points, "{error}");
+    assert_stopped_for_good(&setup.received());
+}
+
 /// Executes a path, and does something else once ten points were received.
 fn execute_and(setup: &mut Setup, interrupted: &AtomicBool, then: impl FnOnce(&Emulator) + Send) -> ExecutionError {
     let (emulator, received, link) = (&setup.emulator, &setup.received, &mut setup.link);
