@@ -80,8 +80,8 @@ pub enum Cause {
     /// The controller has an error; it is not forgotten without being told to.
     #[error("the controller has error {0}: clear it where the arm can be seen")]
     ControllerError(u8),
-    /// Someone else moves the arm.
-    #[error("the arm is moving: someone else uses it")]
+    /// Someone else moves the arm, or has paused it.
+    #[error("the arm is in the middle of a motion: someone else uses it")]
     Busy,
     /// The controller takes no points in that state.
     #[error("a servo point was refused (status {:#04x})", .0.0)]
@@ -227,7 +227,7 @@ impl Link {
     fn refuse_unfit(&mut self) -> Result<(), Cause> {
         self.refuse_errors()?;
         match self.commands.state()? {
-            State::Moving | State::Decelerating => Err(Cause::Busy),
+            State::Moving | State::Paused | State::Decelerating => Err(Cause::Busy),
             _ => Ok(()),
         }
     }

@@ -44,7 +44,7 @@ pub(in super::super) struct Arguments {
     /// File that gets a line of JSON for every frame that is received
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
-    /// What goes wrong on purpose after a number of servo points: mute-replies@N, stall-reports@N, vanish@N or error-CODE@N
+    /// What goes wrong on purpose after a number of servo points: mute-replies@N, stall-reports@N, hold-arm@N, vanish@N or error-CODE@N
     #[arg(long, value_name = "FAULT", hide = true)]
     fault: Option<Fault>,
 }

@@ -19,6 +19,8 @@ pub enum FaultKind {
     MuteReplies,
     /// No more reports.
     StallReports,
+    /// Servo points are acknowledged, and the arm stays where it is.
+    HoldArm,
     /// Every connection is closed and no new one accepted.
     Vanish,
     /// The controller stops with an error.
@@ -30,11 +32,12 @@ impl FromStr for Fault {
 
     /// For example `mute-replies@20`.
     fn from_str(text: &str) -> Result<Self, String> {
-        let expected = || format!("`{text}`: expected mute-replies, stall-reports, vanish or error-CODE, then @POINTS");
+        let expected = || format!("`{text}`: expected mute-replies, stall-reports, hold-arm, vanish or error-CODE, then @POINTS");
         let (name, points) = text.split_once('@').ok_or_else(expected)?;
         let kind = match name {
             "mute-replies" => FaultKind::MuteReplies,
             "stall-reports" => FaultKind::StallReports,
+            "hold-arm" => FaultKind::HoldArm,
             "vanish" => FaultKind::Vanish,
             name => {
                 let code = name.strip_prefix("error-").and_then(|code| code.parse().ok());
@@ -50,6 +53,7 @@ impl fmt::Display for Fault {
         match self.kind {
             FaultKind::MuteReplies => f.write_str("mute-replies")?,
             FaultKind::StallReports => f.write_str("stall-reports")?,
+            FaultKind::HoldArm => f.write_str("hold-arm")?,
             FaultKind::Vanish => f.write_str("vanish")?,
             FaultKind::RaiseError(code) => write!(f, "error-{code}")?,
         }
@@ -63,7 +67,7 @@ mod tests {
 
     #[test]
     fn a_fault_is_read_as_it_is_written() {
-        for text in ["mute-replies@0", "stall-reports@20", "vanish@1", "error-31@7"] {
+        for text in ["mute-replies@0", "stall-reports@20", "hold-arm@3", "vanish@1", "error-31@7"] {
             assert_eq!(text.parse::<Fault>().unwrap().to_string(), text);
         }
         for text in ["", "vanish", "vanish@", "vanish@x", "error@1", "error-300@1", "explode@1"] {

@@ -7,7 +7,7 @@ use super::listen::{Channel, EmulatorError, Purpose, listen, listen_at_files};
 use super::motion::{ConnectionId, Origin};
 use super::socket::{Listener, Socket};
 use crate::xarm::Ports;
-use crate::xarm::wire::{Frame, FrameReader, HEARTBEAT_PROTOCOL, MODBUS_PROTOCOL, Report, ReportKind, Request};
+use crate::xarm::wire::{Answer, Frame, FrameReader, HEARTBEAT_PROTOCOL, MODBUS_PROTOCOL, Reply, Report, ReportKind, Request};
 use std::collections::BTreeMap;
 use std::io::{self, Read as _, Write as _};
 use std::path::PathBuf;
@@ -305,6 +305,9 @@ impl Shared {
                 && self.suffers(FaultKind::RaiseError(code))
             {
                 clocked.controller.raise(code);
+            }
+            if self.suffers(FaultKind::HoldArm) {
+                return Reply { status: clocked.controller.status(), answer: Answer::Done }.to_frame(frame);
             }
         }
         clocked.controller.answer(&request, Origin { connection, transaction, protocol }).to_frame(frame)

@@ -183,6 +183,18 @@ fn the_newest_servo_point_wins() {
 }
 
 #[test]
+fn a_stop_forgets_the_servo_point() {
+    let mut desk = Desk::ready(Mode::SERVO);
+    desk.ask(&Request::ServoJoints(JointConfig([1.0; 7]), PACE));
+    desk.controller.advance(0.01);
+    desk.ask(&Request::SetState(StateCommand::Stop));
+    let stopped_at = desk.joints();
+    desk.ask(&Request::SetState(StateCommand::Run));
+    desk.controller.advance(1.0);
+    assert_eq!((desk.joints(), desk.state()), (stopped_at, State::Ready));
+}
+
+#[test]
 fn motions_of_another_mode_are_invalid() {
     let servo = Request::ServoJoints(XARM7.start, PACE);
     assert!(Desk::ready(Mode::POSITION).ask(&servo).status.has(Status::INVALID));

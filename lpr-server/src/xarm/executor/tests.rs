@@ -9,15 +9,15 @@ use lpr_core::path::JointPath;
 use lpr_core::robot::XARM7;
 use std::sync::mpsc::{Receiver, channel};
 
-/// Long enough for a busy machine; what must time out does so after that.
-const PATIENCE: Duration = Duration::from_secs(1);
+/// Long enough for a busy machine.
+const PATIENCE: Duration = Duration::from_secs(10);
 
 const PATIENT: Watchdogs = Watchdogs {
     reply_timeout: PATIENCE,
     report_timeout: PATIENCE,
-    // A machine that stands still for a second is no reason to fail.
+    // A machine that stands still for a moment is no reason to fail.
     max_tracking_error: 10.0,
-    arrival_timeout: Duration::from_secs(10),
+    arrival_timeout: PATIENCE,
 };
 
 struct Setup {
@@ -49,12 +49,17 @@ fn connect(emulator: &Emulator) -> Link {
     Link::connect(std::net::Ipv4Addr::LOCALHOST.into(), emulator.ports(), Duration::from_secs(5)).unwrap()
 }
 
-/// A turn of the first joint from `start`.
+/// A turn of the first joint from `start` in less than a second.
 fn path_from(start: JointConfig) -> CheckedPath {
+    path_at(start, 0.5)
+}
+
+/// A turn of the first joint from `start`, at that speed in rad/s.
+fn path_at(start: JointConfig, max_velocity: f64) -> CheckedPath {
     let mut goal = start;
     goal[0] += 0.25;
     let path = JointPath::new(vec![start, goal]).unwrap();
-    let pace = schedule::Pace { max_velocity: 0.5, max_acceleration: 2.0, tick_secs: 0.01 };
+    let pace = schedule::Pace { max_velocity, max_acceleration: 2.0, tick_secs: 0.01 };
     let points = schedule::schedule(&path, &XARM7, &pace);
     check_path(points, &start, &SafetyLimits::learned_agent(&XARM7, pace.tick_secs)).unwrap()
 }
@@ -107,7 +112,8 @@ fn observing_sends_nothing_that_enables_or_moves() {
 #[test]
 fn a_reply_that_does_not_come_ends_the_stream_and_stops_the_arm() {
     let mut setup = Setup::new(Some(Fault { kind: FaultKind::MuteReplies, after_points: 20 }));
-    let error = setup.execute(&path_from(XARM7.start)).unwrap_err();
+    let watchdogs = Watchdogs { reply_timeout: Duration::from_secs(1), ..PATIENT };
+    let error = setup.link.execute(&path_from(XARM7.start), &watchdogs, &AtomicBool::new(false)).unwrap_err();
     assert!(matches!(error.cause, Cause::Client(ClientError::Timeout { .. })), "{error}");
     assert_eq!((error.points_sent, error.stop), (20, StopOutcome::Acknowledged));
     let received = setup.received();
@@ -147,10 +153,21 @@ fn an_error_of_the_controller_ends_the_stream_with_its_number() {
     assert_stopped_for_good(&setup.received());
 }
 
+#[test]
+fn an_arm_that_does_not_follow_is_stopped() {
+    let mut setup = Setup::new(Some(Fault { kind: FaultKind::HoldArm, after_points: 5 }));
+    let watchdogs = Watchdogs { max_tracking_error: 0.1, ..PATIENT };
+    let error = setup.link.execute(&path_from(XARM7.start), &watchdogs, &AtomicBool::new(false)).unwrap_err();
+    let Cause::Tracking { joint: 1, error: distance } = error.cause else { panic!("{error}") };
+    assert!(distance > 0.1 && distance < 0.2 && error.points_sent < error.n_points, "{error}");
+    assert_stopped_for_good(&setup.received());
+}
+
 /// Executes a path, and does something else once ten points were received.
 fn execute_and(setup: &mut Setup, interrupted: &AtomicBool, then: impl FnOnce(&Emulator) + Send) -> ExecutionError {
     let (emulator, received, link) = (&setup.emulator, &setup.received, &mut setup.link);
-    let path = path_from(XARM7.start);
+    // Far from its end when the other thread gets its turn.
+    let path = path_at(XARM7.start, 0.05);
     thread::scope(|scope| {
         let run = scope.spawn(|| link.execute(&path, &PATIENT, interrupted));
         let mut points = received.iter().filter(|received| received.frame.body[0] == register::SERVO_JOINTS);
