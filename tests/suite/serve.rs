@@ -130,10 +130,15 @@ fn a_job_outlives_servers_that_are_killed_and_stopped() {
     };
     read_until(&server, 5);
     server.kill();
-    // Every process of the job ends by itself.
+    // The next one waits for the process that has lost its server.
+    server = Server::start(&folder, &[]);
+    read_until(&server, 10);
+    assert_eq!(server.processes().len(), 1, "{:?}", server.processes());
+    server.kill();
+    // Without a next one, too, it ends by itself.
     server.wait_for_processes();
     server = Server::start(&folder, &[]);
-    read_until(&server, 14);
+    read_until(&server, 15);
     assert_eq!(server.terminate(), Some(0));
     assert!(server.processes().is_empty(), "a stopped server has ended them: {:?}", server.processes());
     assert!(!server.run(&id).join("summary.json").exists(), "the job was to be interrupted");
@@ -143,8 +148,8 @@ fn a_job_outlives_servers_that_are_killed_and_stopped() {
     assert_trained(&server, &id, &expected);
     let job = server.job(&id);
     let reasons: Vec<_> = job["transitions"].as_array().unwrap().iter().map(|transition| transition["reason"].clone()).collect();
-    assert_eq!(json!(reasons), json!([null, null, "worker_lost", null, "server_stopped", null, null]));
-    assert_eq!(job["attempt"], 3);
+    assert_eq!(json!(reasons), json!([null, null, "worker_lost", null, "worker_lost", null, "server_stopped", null, null]));
+    assert_eq!(job["attempt"], 4);
     // The one who watched all the time and one who comes later know the same.
     assert_eq!(timeless(points_of(&seen)), expected.0);
     assert_eq!(timeless(points_of(&server.events(&id, 0).collect::<Vec<_>>())), expected.0);

@@ -90,33 +90,25 @@ struct Reader {
     after: i64,
     /// Those that were read with it.
     batch: vec::IntoIter<jobs::Event>,
-    has_ended: HasEnded,
-}
-
-/// Whether the stream has sent its last event.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum HasEnded {
-    No,
-    Yes,
+    /// Whether the last event of all has been taken.
+    has_ended: bool,
 }
 
 impl Reader {
     fn new(api: Api, job: JobId, after: i64) -> Self {
         let changes = api.store.changes();
-        Self { store: api.store, changes, phase: api.phase, job, after, batch: Vec::new().into_iter(), has_ended: HasEnded::No }
+        Self { store: api.store, changes, phase: api.phase, job, after, batch: Vec::new().into_iter(), has_ended: false }
     }
 
     /// The next event, once it is there; none after the last, and when the server stops.
     async fn next(&mut self) -> Result<Option<jobs::Event>, StoreError> {
-        if self.has_ended == HasEnded::Yes {
+        if self.has_ended {
             return Ok(None);
         }
         loop {
             if let Some(event) = self.batch.next() {
                 self.after = event.seq;
-                if event.kind == EventKind::End.name() {
-                    self.has_ended = HasEnded::Yes;
-                }
+                self.has_ended = event.kind == EventKind::End.name();
                 return Ok(Some(event));
             }
             self.changes.mark_unchanged();

@@ -13,6 +13,9 @@ use std::path::Path as FilePath;
 use thiserror::Error;
 use utoipa::ToSchema;
 
+/// Most demonstrations of a job: a thousand times the default.
+const MAX_DEMOS: u32 = 10_000;
+
 /// What a job trains. Each field is the option of `lpr train` of that name.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
@@ -38,6 +41,7 @@ pub struct JobSpec {
     pub settings: Option<Map<String, Value>>,
     /// Demonstrations, in place of the preset's number.
     #[serde(default)]
+    #[schema(maximum = 10_000)]
     pub demos: Option<u32>,
     /// Whether next-best poses are the demonstrator's, so that only paths are learned.
     #[serde(default)]
@@ -106,7 +110,10 @@ impl JobSpec {
         for (name, number) in numbers {
             check_number(number.unwrap_or(0)).map_err(at(name))?;
         }
-        self.config().map(drop)
+        match self.demos {
+            Some(demos) if demos > MAX_DEMOS => Err(at("demos")(format!("expected at most {MAX_DEMOS}, found {demos}"))),
+            _ => self.config().map(drop),
+        }
     }
 
     /// The settings of the job that has settings of its own.
@@ -239,6 +246,7 @@ mod tests {
             (json!({"task": "reach_target", "preset": "Cargo.toml"}), "/preset", "unknown preset `Cargo.toml`"),
             (json!({"task": "reach_target", "minutes": 0}), "/minutes", "above 0"),
             (json!({"task": "reach_target", "seed": u64::MAX}), "/seed", "expected at most 9223372036854775807"),
+            (json!({"task": "reach_target", "demos": 10_001}), "/demos", "expected at most 10000"),
             (json!({"task": "reach_target", "env_steps": 1_u64 << 63}), "/env_steps", "found 9223372036854775808"),
         ] {
             let SpecError { pointer: found, detail } = refusal(value);
