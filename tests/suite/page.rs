@@ -79,6 +79,7 @@ fn a_visitor_sees_what_is_computed_natively_and_the_winner_does_the_task() {
 
     assert_eq!(seen["complaints"], Value::Array(Vec::new()), "the browser's console is quiet");
     assert_eq!(seen["failure"], "", "nothing went wrong");
+    assert_ne!(seen["failure_without_weights"], "", "a page that lacks its weights says so");
     assert_eq!(seen["rows"].as_array().unwrap().len(), 41);
     let plans = seen["plans"].as_array().unwrap();
     let chosen: Vec<u64> = plans.iter().map(|plan| plan["chosen"].as_u64().unwrap()).collect();

@@ -89,6 +89,16 @@ try {
   await picture('jobs');
 
   const jobs = await page.$$eval('#job-rows tr', (rows) => rows.map((row) => [...row.cells].map((cell) => cell.textContent)));
+  // Weights that do not come: the page says so, and starts again when it is told to.
+  const unlucky = await browser.newPage();
+  await unlucky.route('**/*.safetensors', (route) => route.abort());
+  await unlucky.goto(url);
+  await unlucky.waitForSelector('#failure', { timeout: PATIENCE });
+  const failure_without_weights = await unlucky.textContent('#failure-text');
+  await unlucky.unroute('**/*.safetensors');
+  await unlucky.click('#restart');
+  await unlucky.waitForFunction(() => window.__lpr.snapshot().phase === 'ready', null, { timeout: PATIENCE });
+
   const { phase, outcomes, scene } = now;
   const report = {
     milliseconds_to_paths,
@@ -102,6 +112,7 @@ try {
     job_rows: jobs,
     job_points,
     failure: await page.textContent('#failure-text'),
+    failure_without_weights,
     complaints,
     transferred,
   };
