@@ -3,14 +3,15 @@
 //! It alone knows the scene's construction; an agent sees only what it records.
 
 use super::env::{SimEnvironment, Until};
-use super::tasks::{Motion, Waypoint};
+use super::scene_spec::BodyKind;
+use super::tasks::{Motion, TaskScene, Waypoint};
 use super::world::World;
 use crate::env::{Environment as _, InvalidAction};
 use crate::path::{JointPath, RrtSettings, linear_path, rrt_connect, shortcut};
 use crate::q_attention::NextBestPose;
 use crate::rng::Rng;
 use crate::robot::{JointConfig, Robot};
-use crate::scene::{ArmSpheres, MotionChecker};
+use crate::scene::{ArmSpheres, MotionChecker, Part, Primitive, Scene};
 use glamx::{Pose3, Quat};
 
 /// Postures tried for the first waypoint, each followed through all others.
@@ -29,6 +30,8 @@ pub struct DemoPlan {
     motions: Vec<Motion>,
     /// For each waypoint: the posture of a free motion's end, or the path of a prescribed one.
     steps: Vec<PlanStep>,
+    /// What stands in the scene at its start.
+    solids: Scene,
 }
 
 #[derive(Debug, Clone)]
@@ -48,8 +51,8 @@ impl PlanStep {
 
 impl DemoPlan {
     /// Of no one: an episode that was recorded needs no demonstrator.
-    pub(super) const fn none() -> Self {
-        Self { goals: Vec::new(), motions: Vec::new(), steps: Vec::new() }
+    pub(super) fn none() -> Self {
+        Self { goals: Vec::new(), motions: Vec::new(), steps: Vec::new(), solids: Scene::empty() }
     }
 
     /// The same motions to other goals, one for each waypoint: those that an agent can express, for instance.
@@ -68,7 +71,7 @@ impl DemoPlan {
             };
             Waypoint { goal: *goal, motion }
         });
-        plan_one_of(robot, start, &[waypoints.collect()], rng)
+        plan_one_of(robot, start, &[waypoints.collect()], &self.solids, rng)
     }
 }
 
@@ -82,10 +85,11 @@ fn bent(poses: &[Pose3], first: Pose3, last: Pose3) -> Vec<Pose3> {
     poses.iter().enumerate().map(displaced).collect()
 }
 
-/// Finds postures in which the arm at `start` can do every waypoint; `None` when it finds none.
+/// Finds postures in which the arm at `start` can do every waypoint of a scene; `None` when it finds none.
 ///
 /// Both halves of the symmetric gripper's turn about its approach are tried.
-pub(super) fn plan_waypoints(robot: &Robot, start: &JointConfig, waypoints: &[Waypoint], rng: &mut Rng) -> Option<DemoPlan> {
+pub(super) fn plan_waypoints(robot: &Robot, start: &JointConfig, scene: &TaskScene, rng: &mut Rng) -> Option<DemoPlan> {
+    let TaskScene { spec, waypoints } = scene;
     let half_turn = Pose3::from_rotation(Quat::from_xyzw(0.0, 0.0, 1.0, 0.0));
     let turned = |waypoint: &Waypoint| Waypoint {
         goal: NextBestPose { pose: waypoint.goal.pose * half_turn, gripper: waypoint.goal.gripper },
@@ -94,17 +98,26 @@ pub(super) fn plan_waypoints(robot: &Robot, start: &JointConfig, waypoints: &[Wa
             other => other.clone(),
         },
     };
-    plan_one_of(robot, start, &[waypoints.to_vec(), waypoints.iter().map(turned).collect()], rng)
+    let solids = solids(spec.bodies.iter().map(|body| (body.kind, body.pose, body.parts.as_slice())));
+    plan_one_of(robot, start, &[waypoints.clone(), waypoints.iter().map(turned).collect()], &solids, rng)
 }
 
-/// Finds postures for the waypoints of one of the alternatives, nearest to `start` first.
-fn plan_one_of(robot: &Robot, start: &JointConfig, alternatives: &[Vec<Waypoint>], rng: &mut Rng) -> Option<DemoPlan> {
-    let mut postures: Vec<(f32, &[Waypoint], JointConfig)> = Vec::new();
+/// Finds postures for the waypoints of one of the alternatives: those that touch nothing first, of them the nearest to `start`.
+fn plan_one_of(
+    robot: &Robot,
+    start: &JointConfig,
+    alternatives: &[Vec<Waypoint>],
+    solids: &Scene,
+    rng: &mut Rng,
+) -> Option<DemoPlan> {
+    let arm = ArmSpheres::new(robot);
+    let cost = |config: &JointConfig| (!solids.is_free(&arm, config), config.distance(start));
+    let mut postures: Vec<((bool, f32), &[Waypoint], JointConfig)> = Vec::new();
     for waypoints in alternatives {
         let found = robot.ik_distinct(&waypoints.first()?.goal.pose, POSTURES, POSTURE_DISTANCE, start, rng);
-        postures.extend(found.into_iter().map(|config| (config.distance(start), waypoints.as_slice(), config)));
+        postures.extend(found.into_iter().map(|config| (cost(&config), waypoints.as_slice(), config)));
     }
-    postures.sort_by(|a, b| a.0.total_cmp(&b.0));
+    postures.sort_by(|(a, ..), (b, ..)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
     postures.into_iter().filter(|(_, _, config)| !robot.self_collides(config)).find_map(|(_, waypoints, config)| {
         let mut steps = vec![PlanStep::Free(config)];
         for waypoint in &waypoints[1..] {
@@ -112,7 +125,7 @@ fn plan_one_of(robot: &Robot, start: &JointConfig, alternatives: &[Vec<Waypoint>
         }
         let goals = waypoints.iter().map(|waypoint| waypoint.goal).collect();
         let motions = waypoints.iter().map(|waypoint| waypoint.motion.clone()).collect();
-        Some(DemoPlan { goals, motions, steps })
+        Some(DemoPlan { goals, motions, steps, solids: solids.clone() })
     })
 }
 
@@ -176,15 +189,35 @@ fn motion(env: &mut SimEnvironment, step: &PlanStep, rng: &mut Rng) -> Option<Jo
         PlanStep::Prescribed(path) => return Some(path.clone()),
         PlanStep::Free(config) => *config,
     };
-    let start = *env.world().config();
     let scene = env.obstacles(Some(&robot.grip(&goal)));
+    let start = *env.world().config();
+    let seen = around(robot, &scene, &start, &goal, rng);
+    // The camera is blind behind things and for thin ones: the demonstrator goes by what it knows where that is in the way.
+    let world = env.world();
+    let known = solids(world.scene_items().map(|(body, pose, parts)| (world.spec().bodies[body].kind, pose, parts)));
     let arm = ArmSpheres::new(robot);
-    let checker = MotionChecker::new(&scene, &arm, PLANNER.checks_per_radian);
-    match rrt_connect(robot, &checker, &start, &[goal], &PLANNER, rng) {
-        Ok(plan) => Some(shortcut(&plan.path, &checker)),
-        // The cloud is conservative: where it leaves no way, the straight joint-space motion is tried and judged by the world.
-        Err(_) => JointPath::new(vec![start, goal]).ok(),
+    let checker = MotionChecker::new(&known, &arm, PLANNER.checks_per_radian);
+    if let Some(path) = seen.as_ref().filter(|path| checker.path_is_free(path.configs())) {
+        return Some(path.clone());
     }
+    // Where all that leaves no way, since it is conservative, the straight joint-space motion is tried and judged by the world.
+    around(robot, &known, &start, &goal, rng).or(seen).or_else(|| JointPath::new(vec![start, goal]).ok())
+}
+
+/// A free path around `scene`, if the planner finds one.
+fn around(robot: &Robot, scene: &Scene, start: &JointConfig, goal: &JointConfig, rng: &mut Rng) -> Option<JointPath> {
+    let arm = ArmSpheres::new(robot);
+    let checker = MotionChecker::new(scene, &arm, PLANNER.checks_per_radian);
+    let plan = rrt_connect(robot, &checker, start, &[*goal], &PLANNER, rng).ok()?;
+    Some(shortcut(&plan.path, &checker))
+}
+
+/// Everything that can be touched of bodies with their kinds, poses and parts.
+fn solids<'a>(bodies: impl Iterator<Item = (BodyKind, Pose3, &'a [Part])>) -> Scene {
+    let touched = bodies.filter(|(kind, ..)| *kind != BodyKind::Visual);
+    let primitives =
+        touched.flat_map(|(_, pose, parts)| parts.iter().map(move |part| Primitive::new(&part.shape, &(pose * part.pose))));
+    Scene::from_primitives(primitives.collect())
 }
 
 #[cfg(test)]

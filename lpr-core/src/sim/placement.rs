@@ -44,7 +44,7 @@ pub fn place(task: &Task, robot: &'static Robot, seed: u64) -> Result<PlacedTask
         let mut rng = rng::stream(seed, Stream::Placement, draw);
         let Some(scene) = draw_placement(task, robot, &mut rng) else { continue };
         let mut ik_rng = rng::stream(seed, Stream::Ik, draw);
-        if let Some(plan) = plan_waypoints(robot, &robot.start, &scene.waypoints, &mut ik_rng) {
+        if let Some(plan) = plan_waypoints(robot, &robot.start, &scene, &mut ik_rng) {
             return Ok(PlacedTask { scene, plan, rejected: draw });
         }
     }

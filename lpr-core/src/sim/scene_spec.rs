@@ -30,7 +30,9 @@ impl SceneSpec {
             joint.axis = world_from_task.transform_vector(joint.axis);
         }
         for condition in &mut self.success {
-            if let Condition::BodyInZone { zone, .. } | Condition::GripInZone { zone } = condition {
+            if let Condition::BodyInZone { zone, .. } | Condition::BodyOutsideZone { zone, .. } | Condition::GripInZone { zone } =
+                condition
+            {
                 match zone {
                     Zone::Cuboid { pose, .. } => *pose = *world_from_task * *pose,
                     Zone::Cylinder { center, .. } => *center = world_from_task.transform_point(*center),
@@ -72,8 +74,10 @@ impl SceneSpec {
         }
         let is_absent = |condition: &Condition| match *condition {
             Condition::JointMoved { joint, .. } => self.joints.get(joint).is_none(),
-            Condition::BodyInZone { body, .. } | Condition::Grasped { body } => no_body(body),
-            Condition::GripInZone { .. } => false,
+            Condition::BodyInZone { body, .. } | Condition::BodyOutsideZone { body, .. } | Condition::Grasped { body } => {
+                no_body(body)
+            }
+            Condition::GripInZone { .. } | Condition::NothingGrasped => false,
         };
         match self.success.iter().position(is_absent) {
             Some(idx) => Err(broken(format!("success[{idx}]: names a body or joint that is not there"))),
@@ -222,11 +226,22 @@ pub enum Condition {
         /// The zone.
         zone: Zone,
     },
+    /// A point of a body lies outside a zone.
+    BodyOutsideZone {
+        /// Body index.
+        body: usize,
+        /// The point in the body's frame, metres.
+        point: Vec3,
+        /// The zone.
+        zone: Zone,
+    },
     /// The grip lies in a zone.
     GripInZone {
         /// The zone.
         zone: Zone,
     },
+    /// The hand holds nothing.
+    NothingGrasped,
     /// The hand holds the body.
     Grasped {
         /// Body index.

@@ -214,7 +214,9 @@ impl World {
         match condition {
             Condition::JointMoved { joint, min } => (self.joint_position(*joint) - self.spec.joints[*joint].start).abs() > *min,
             Condition::BodyInZone { body, point, zone } => zone.contains(self.body_pose(*body).transform_point(*point)),
+            Condition::BodyOutsideZone { body, point, zone } => !zone.contains(self.body_pose(*body).transform_point(*point)),
             Condition::GripInZone { zone } => zone.contains(self.robot.grip(&self.config).translation),
+            Condition::NothingGrasped => self.gripper.holding == Holding::Nothing,
             Condition::Grasped { body } => self.gripper.holding == Holding::Attached { body: *body },
         }
     }

@@ -2,11 +2,13 @@
 
 use super::{Motion, TaskScene, Waypoint};
 use crate::q_attention::NextBestPose;
+use crate::rng::Rng;
 use crate::robot::Gripper;
 use crate::scene::{Part, Shape};
 use crate::sim::scene_spec::{BodyKind, BodySpec, Condition, JointSpec, SceneSpec};
-use core::f32::consts::FRAC_PI_2;
-use glamx::{Pose3, Quat, Vec3};
+use core::f32::consts::{FRAC_PI_2, PI, TAU};
+use glamx::{Pose3, Quat, Vec2, Vec3};
+use rand::RngExt as _;
 
 /// Friction coefficient of everything but the finger pads.
 const FRICTION: f32 = 0.5;
@@ -30,6 +32,20 @@ impl SceneBuilder {
         self.spec.bodies.len() - 1
     }
 
+    /// Adds a body that moves, with its frame at `pose` of the task frame; returns its index.
+    pub(super) fn turned_body(&mut self, name: &str, pose: Pose3, mass: f32, parts: Vec<Part>) -> usize {
+        let body = self.body(name, BodyKind::Dynamic, pose.translation, mass, parts);
+        self.spec.bodies[body].pose = pose;
+        body
+    }
+
+    /// Adds a body that a closing hand attaches, with its frame at `pose` of the task frame; returns its index.
+    pub(super) fn graspable_body(&mut self, name: &str, pose: Pose3, mass: f32, parts: Vec<Part>) -> usize {
+        let body = self.body(name, BodyKind::Graspable, pose.translation, mass, parts);
+        self.spec.bodies[body].pose = pose;
+        body
+    }
+
     pub(super) fn joint(&mut self, joint: JointSpec) -> usize {
         self.spec.joints.push(joint);
         self.spec.joints.len() - 1
@@ -42,6 +58,31 @@ impl SceneBuilder {
     pub(super) fn finish(mut self, success: Vec<Condition>) -> TaskScene {
         self.spec.success = success;
         TaskScene { spec: self.spec, waypoints: self.waypoints }
+    }
+}
+
+/// Places on the table that keep their distance from each other.
+pub(super) struct Spots {
+    region: Vec2,
+    min_distance: f32,
+    taken: Vec<Vec2>,
+}
+
+impl Spots {
+    /// In a rectangle of sides `region` around the origin, at least `min_distance` apart, metres.
+    pub(super) const fn new(region: Vec2, min_distance: f32) -> Self {
+        Self { region, min_distance, taken: Vec::new() }
+    }
+
+    /// One more place. The region has to have room for it.
+    pub(super) fn draw(&mut self, rng: &mut Rng) -> Vec2 {
+        loop {
+            let spot = self.region * Vec2::new(rng.random::<f32>() - 0.5, rng.random::<f32>() - 0.5);
+            if self.taken.iter().all(|other| other.distance(spot) >= self.min_distance) {
+                self.taken.push(spot);
+                return spot;
+            }
+        }
     }
 }
 
@@ -67,4 +108,29 @@ pub(super) fn cylinder_z(center: [f32; 3], radius: f32, length: f32, rgb: [u8; 3
 pub(super) fn cylinder_x(center: [f32; 3], radius: f32, length: f32, rgb: [u8; 3]) -> Part {
     let shape = Shape::Cylinder { radius, half_length: 0.5 * length };
     Part::new(shape, Pose3::from_parts(Vec3::from(center), Quat::from_rotation_y(FRAC_PI_2)), rgb)
+}
+
+/// A cylinder along y from its centre, radius and length.
+pub(super) fn cylinder_y(center: [f32; 3], radius: f32, length: f32, rgb: [u8; 3]) -> Part {
+    let shape = Shape::Cylinder { radius, half_length: 0.5 * length };
+    Part::new(shape, Pose3::from_parts(Vec3::from(center), Quat::from_rotation_x(FRAC_PI_2)), rgb)
+}
+
+/// A ball from its centre and radius.
+pub(super) fn ball(center: [f32; 3], radius: f32, rgb: [u8; 3]) -> Part {
+    Part::new(Shape::Sphere { radius }, Pose3::from_translation(Vec3::from(center)), rgb)
+}
+
+/// An upright tube on the table from its outer radius, wall and height: boxes around it.
+pub(super) fn tube(radius: f32, wall: f32, height: f32, rgb: [u8; 3]) -> Vec<Part> {
+    /// Boxes of a tube.
+    const SIDES: usize = 12;
+    let middle = radius - 0.5 * wall;
+    let length = 2.0 * radius * libm::tanf(PI / SIDES as f32);
+    let side = |idx: usize| {
+        let turn = Pose3::from_rotation(Quat::from_rotation_z(TAU * idx as f32 / SIDES as f32));
+        let part = cuboid([middle, 0.0, 0.5 * height], [wall, length, height], rgb);
+        Part { pose: turn * part.pose, ..part }
+    };
+    (0..SIDES).map(side).collect()
 }

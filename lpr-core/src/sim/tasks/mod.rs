@@ -4,9 +4,25 @@
 //! are our own, made of primitives. A task is built in its own frame (origin on the table, z up) and then placed.
 
 mod builder;
+mod cardboard_box;
+mod chest;
+mod close_box;
+mod close_drawer;
+mod close_grill;
+mod grill;
+mod open_box;
 mod open_drawer;
+mod open_grill;
+mod phone_on_base;
+mod pick_and_lift;
+mod pick_up_cup;
+mod put_rubbish_in_bin;
 mod reach_target;
+mod stack_wine;
 mod take_lid_off_saucepan;
+mod take_umbrella_out_of_umbrella_stand;
+mod toilet;
+mod toilet_seat_down;
 mod toilet_seat_up;
 
 use super::scene_spec::SceneSpec;
@@ -99,11 +115,23 @@ impl TaskScene {
 }
 
 /// Every task.
-pub static TASKS: [&Task; 4] = [
+pub static TASKS: [&Task; 16] = [
     &reach_target::REACH_TARGET,
+    &pick_and_lift::PICK_AND_LIFT,
+    &pick_up_cup::PICK_UP_CUP,
+    &put_rubbish_in_bin::PUT_RUBBISH_IN_BIN,
+    &phone_on_base::PHONE_ON_BASE,
+    &stack_wine::STACK_WINE,
     &take_lid_off_saucepan::TAKE_LID_OFF_SAUCEPAN,
+    &take_umbrella_out_of_umbrella_stand::TAKE_UMBRELLA_OUT_OF_UMBRELLA_STAND,
     &open_drawer::OPEN_DRAWER,
     &toilet_seat_up::TOILET_SEAT_UP,
+    &open_box::OPEN_BOX,
+    &open_grill::OPEN_GRILL,
+    &close_drawer::CLOSE_DRAWER,
+    &close_box::CLOSE_BOX,
+    &close_grill::CLOSE_GRILL,
+    &toilet_seat_down::TOILET_SEAT_DOWN,
 ];
 
 impl Task {

@@ -1,0 +1,40 @@
+//! Close the lid of a box: carried over the top by its edge, it falls shut.
+
+use super::builder::SceneBuilder;
+use super::cardboard_box::{Hinge, MOST, cardboard_box};
+use super::{Motion, Placement, Task, TaskScene, TaskSet};
+use crate::rng::Rng;
+use crate::robot::Gripper;
+use crate::sim::scene_spec::Condition;
+use core::f32::consts::FRAC_PI_8;
+use glamx::{Pose3, Vec2, Vec3};
+
+/// The task.
+pub(super) static CLOSE_BOX: Task = Task {
+    name: "close_box",
+    set: TaskSet::Two,
+    description: "close the box",
+    keyframes: 5,
+    placement: Placement { center: Vec2::new(0.0, -0.02), half_range: Vec2::new(0.08, 0.10), max_yaw: FRAC_PI_8 },
+    build,
+};
+
+const HINGE: Hinge = Hinge(Vec3::new(-0.025, -0.023, 0.149));
+/// Motion at which the task is done, radians: the lid lies within a degree of shut.
+const CLOSED: f32 = 2.6;
+/// Opening at which the demonstrator lets go, radians.
+const LET_GO: f32 = 62_f32.to_radians();
+
+fn build(_: &mut Rng) -> TaskScene {
+    let mut scene = SceneBuilder::new(CLOSE_BOX.name);
+    let joint = cardboard_box(&mut scene, HINGE, MOST);
+    scene.waypoint(HINGE.hold(MOST, 0.08), Gripper::Open, Motion::Free);
+    scene.waypoint(HINGE.hold(MOST, 0.0), Gripper::Close, Motion::Linear);
+    let mut arc = HINGE.arc(MOST, LET_GO);
+    let over = arc.pop().expect("the arc has poses");
+    scene.waypoint(over, Gripper::Close, Motion::Through(arc));
+    scene.waypoint(over, Gripper::Open, Motion::Linear);
+    let back = Pose3::from_translation(Vec3::new(0.0, 0.056, 0.052)) * over;
+    scene.waypoint(back, Gripper::Open, Motion::Linear);
+    scene.finish(vec![Condition::JointMoved { joint, min: CLOSED }])
+}

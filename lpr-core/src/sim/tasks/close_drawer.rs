@@ -1,0 +1,35 @@
+//! Push the bottom drawer of a chest shut.
+
+use super::builder::{SceneBuilder, grip_pose};
+use super::chest::{self, HANDLE_Y, HANDLE_Z};
+use super::{Motion, Task, TaskScene, TaskSet};
+use crate::rng::Rng;
+use crate::robot::Gripper;
+use crate::sim::scene_spec::Condition;
+
+/// The task.
+pub(super) static CLOSE_DRAWER: Task = Task {
+    name: "close_drawer",
+    set: TaskSet::Two,
+    description: "push the bottom drawer shut",
+    keyframes: 2,
+    placement: chest::PLACEMENT,
+    build,
+};
+
+/// How far the drawer is open at the start, metres.
+const PULLED: f32 = 0.10;
+/// Push at which the task is done, metres.
+const PUSHED: f32 = 0.06;
+/// How far the demonstrator's grip goes beyond where the handle was, metres: the fingers reach a centimetre farther. At the
+/// published end the drawer would be pressed against its frame.
+const SHORT_OF_END: f32 = 0.06;
+
+fn build(_: &mut Rng) -> TaskScene {
+    let mut scene = SceneBuilder::new(CLOSE_DRAWER.name);
+    let slide = chest::chest(&mut scene, PULLED);
+    let z = HANDLE_Z[0];
+    scene.waypoint(grip_pose([0.0, HANDLE_Y + PULLED + 0.0425, z], [90.0, 0.0, 0.0]), Gripper::Close, Motion::Free);
+    scene.waypoint(grip_pose([0.0, HANDLE_Y + PULLED - SHORT_OF_END, z], [90.0, 0.0, 0.0]), Gripper::Close, Motion::Linear);
+    scene.finish(vec![Condition::JointMoved { joint: slide, min: PUSHED }])
+}

@@ -1,0 +1,36 @@
+//! Close the lid of a grill: a hinge with friction, lowered by a bar in front of it.
+
+use super::builder::{SceneBuilder, grip_pose};
+use super::grill::{self, BAR};
+use super::{Motion, Task, TaskScene, TaskSet};
+use crate::rng::Rng;
+use crate::robot::Gripper;
+use crate::sim::scene_spec::Condition;
+use glamx::{Pose3, Vec3};
+
+/// The task.
+pub(super) static CLOSE_GRILL: Task = Task {
+    name: "close_grill",
+    set: TaskSet::Two,
+    description: "close the grill",
+    keyframes: 3,
+    placement: grill::PLACEMENT,
+    build,
+};
+
+/// Opening at the start, and fall at which the task is done and at which the demonstrator stops, radians.
+const START: f32 = 60_f32.to_radians();
+const CLOSED: f32 = 50_f32.to_radians();
+const DEMONSTRATED: f32 = 57_f32.to_radians();
+
+fn build(_: &mut Rng) -> TaskScene {
+    let mut scene = SceneBuilder::new(CLOSE_GRILL.name);
+    let joint = grill::grill(&mut scene, START);
+    let grasp = grill::turn(START) * grip_pose(BAR, [-100.0, 0.0, -90.0]);
+    let approach = grasp * Pose3::from_translation(Vec3::new(0.0, 0.0, -0.042));
+    scene.waypoint(approach, Gripper::Open, Motion::Free);
+    scene.waypoint(grasp, Gripper::Close, Motion::Linear);
+    let (end, arc) = grill::arc(grasp, -DEMONSTRATED);
+    scene.waypoint(end, Gripper::Open, Motion::Through(arc));
+    scene.finish(vec![Condition::JointMoved { joint, min: CLOSED }])
+}

@@ -1,0 +1,83 @@
+//! A grill whose lid turns about a hinge with friction, of the tasks that open and close it.
+
+use super::Placement;
+use super::builder::{SceneBuilder, cuboid, cylinder_y};
+use crate::sim::scene_spec::{BodyKind, JointKind, JointSpec};
+use core::f32::consts::FRAC_PI_2;
+use glamx::{Pose3, Quat, Vec2, Vec3};
+
+/// Where a grill may stand: its frame is in front of the lid's handle.
+pub(super) const PLACEMENT: Placement =
+    Placement { center: Vec2::new(0.0, 0.0), half_range: Vec2::new(0.10, 0.15), max_yaw: FRAC_PI_2 };
+
+/// The middle of the lid's bar when it is shut, metres.
+pub(super) const BAR: [f32; 3] = [0.081, -0.115, 0.316];
+/// A point of the hinge; its axis is y.
+const HINGE: Vec3 = Vec3::new(0.319, -0.116, 0.293);
+/// Friction of the hinge, N·m: the lid stays where it is left.
+const BRAKE: f32 = 1.0;
+const LID_MASS: f32 = 0.66;
+/// Greatest opening, radians.
+const MOST: f32 = 60_f32.to_radians();
+/// Body: depth x, width y, height z.
+const BODY: [f32; 3] = [0.303, 0.556, 0.298];
+/// Middle of body and lid along x.
+const MIDDLE_X: f32 = 0.238;
+/// Lid: depth, width, height.
+const LID: [f32; 3] = [0.194, 0.291, 0.093];
+/// Gap between lid and body, metres.
+const GAP: f32 = 0.001;
+const BAR_RADIUS: f32 = 0.005;
+const BAR_LENGTH: f32 = 0.10;
+/// Poses of a demonstrated arc, a degree apart: between them the hand goes straight, and a heavy lid's hinge feels a tenth of a
+/// millimetre.
+const ARC_POSES: usize = 57;
+
+const ENAMEL: [u8; 3] = [60, 62, 68];
+const LID_RGB: [u8; 3] = [170, 52, 44];
+const STEEL: [u8; 3] = [175, 180, 188];
+
+/// The motion of the lid by `angle` radians.
+pub(super) fn turn(angle: f32) -> Pose3 {
+    Pose3::from_translation(HINGE) * Pose3::from_rotation(Quat::from_rotation_y(angle)) * Pose3::from_translation(-HINGE)
+}
+
+/// The end of the arc by `angle` radians from `grasp`, and the poses before it.
+pub(super) fn arc(grasp: Pose3, angle: f32) -> (Pose3, Vec<Pose3>) {
+    let pose = |idx: usize| turn(angle * idx as f32 / ARC_POSES as f32) * grasp;
+    (pose(ARC_POSES), (1..ARC_POSES).map(pose).collect())
+}
+
+/// Adds the grill with its lid open by `start` radians; returns the index of the hinge.
+pub(super) fn grill(scene: &mut SceneBuilder, start: f32) -> usize {
+    let [depth, width, height] = BODY;
+    let burner = cuboid([MIDDLE_X, 0.155, height + 0.016], [0.155, 0.226, 0.032], STEEL);
+    let body = scene.body(
+        "grill",
+        BodyKind::Fixed,
+        Vec3::ZERO,
+        0.0,
+        vec![cuboid([MIDDLE_X, 0.0, 0.5 * height], [depth, width, height], ENAMEL), burner],
+    );
+    let from_hinge = |point: [f32; 3]| (Vec3::from(point) - HINGE).to_array();
+    let lid_middle = [MIDDLE_X, HINGE.y, height + GAP + 0.5 * LID[2]];
+    let lid_front = MIDDLE_X - 0.5 * LID[0];
+    let mut parts =
+        vec![cuboid(from_hinge(lid_middle), LID, LID_RGB), cylinder_y(from_hinge(BAR), BAR_RADIUS, BAR_LENGTH, STEEL)];
+    for side in [-1.0, 1.0] {
+        let post = [0.5 * (BAR[0] + lid_front), BAR[1] + side * 0.5 * (BAR_LENGTH - 0.008), BAR[2]];
+        parts.push(cuboid(from_hinge(post), [lid_front - BAR[0], 0.008, 0.008], STEEL));
+    }
+    let lid = scene.turned_body("lid", turn(start) * Pose3::from_translation(HINGE), LID_MASS, parts);
+    scene.joint(JointSpec {
+        name: "lid_hinge".to_owned(),
+        kind: JointKind::Revolute,
+        parent: body,
+        child: lid,
+        anchor: HINGE,
+        axis: Vec3::Y,
+        limits: [0.0, MOST],
+        start,
+        brake: BRAKE,
+    })
+}

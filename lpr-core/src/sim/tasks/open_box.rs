@@ -1,0 +1,36 @@
+//! Open the lid of a box: a free hinge, lifted by the lid's edge.
+
+use super::builder::SceneBuilder;
+use super::cardboard_box::{Hinge, cardboard_box};
+use super::{Motion, Placement, Task, TaskScene, TaskSet};
+use crate::rng::Rng;
+use crate::robot::Gripper;
+use crate::sim::scene_spec::Condition;
+use core::f32::consts::{FRAC_PI_2, FRAC_PI_8};
+use glamx::{Vec2, Vec3};
+
+/// The task.
+pub(super) static OPEN_BOX: Task = Task {
+    name: "open_box",
+    set: TaskSet::Two,
+    description: "open the box",
+    keyframes: 3,
+    placement: Placement { center: Vec2::new(0.0, -0.02), half_range: Vec2::new(0.08, 0.10), max_yaw: FRAC_PI_8 },
+    build,
+};
+
+const HINGE: Hinge = Hinge(Vec3::new(-0.025, -0.273, 0.149));
+/// Opening at which the task is done, and at which the demonstrator stops, radians.
+const OPEN: f32 = FRAC_PI_2;
+const DEMONSTRATED: f32 = 100_f32.to_radians();
+
+fn build(_: &mut Rng) -> TaskScene {
+    let mut scene = SceneBuilder::new(OPEN_BOX.name);
+    let joint = cardboard_box(&mut scene, HINGE, 0.0);
+    scene.waypoint(HINGE.hold(0.0, 0.067), Gripper::Open, Motion::Free);
+    scene.waypoint(HINGE.hold(0.0, 0.0), Gripper::Close, Motion::Linear);
+    let mut arc = HINGE.arc(0.0, DEMONSTRATED);
+    let end = arc.pop().expect("the arc has poses");
+    scene.waypoint(end, Gripper::Close, Motion::Through(arc));
+    scene.finish(vec![Condition::JointMoved { joint, min: OPEN }])
+}

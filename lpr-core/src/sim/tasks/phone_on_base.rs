@@ -1,0 +1,59 @@
+//! Put the handset of a telephone on its base.
+
+use super::builder::{SceneBuilder, cuboid, grip_pose};
+use super::{Motion, Placement, Task, TaskScene, TaskSet};
+use crate::rng::Rng;
+use crate::robot::Gripper;
+use crate::sim::scene_spec::{BodyKind, Condition, Zone};
+use core::f32::consts::PI;
+use glamx::{Pose3, Vec2, Vec3};
+
+/// The task.
+pub(super) static PHONE_ON_BASE: Task = Task {
+    name: "phone_on_base",
+    set: TaskSet::One,
+    description: "put the phone on the base",
+    keyframes: 5,
+    placement: Placement { center: Vec2::ZERO, half_range: Vec2::new(0.08, 0.10), max_yaw: PI },
+    build,
+};
+
+/// Base: length x, depth y, height z; its recess lies along x at `RECESS_Y`.
+const BASE: [f32; 3] = [0.282, 0.203, 0.05];
+const RECESS_Y: f32 = 0.058;
+/// Width of the recess. Published is 0.0675, two millimetres wider than the handset: no pose on a grid of voxels finds that.
+const RECESS: f32 = 0.082;
+const RECESS_FLOOR: f32 = 0.02;
+/// Handset: length, width, height.
+const HANDSET: [f32; 3] = [0.269, 0.065, 0.055];
+const HANDSET_AT: Vec2 = Vec2::new(0.0, 0.237);
+const MASS: f32 = 0.271;
+/// The handset's middle must come this close to its place along x, y and z, metres.
+const NEAR: Vec3 = Vec3::new(0.075, 0.025, 0.03);
+
+const BAKELITE: [u8; 3] = [52, 54, 60];
+const HANDSET_RGB: [u8; 3] = [196, 52, 44];
+
+fn build(_: &mut Rng) -> TaskScene {
+    let mut scene = SceneBuilder::new(PHONE_ON_BASE.name);
+    let [length, depth, height] = BASE;
+    let mut parts = vec![cuboid([0.0, 0.0, 0.5 * RECESS_FLOOR], [length, depth, RECESS_FLOOR], BAKELITE)];
+    for [from, to] in [[-0.5 * depth, RECESS_Y - 0.5 * RECESS], [RECESS_Y + 0.5 * RECESS, 0.5 * depth]] {
+        parts.push(cuboid([0.0, 0.5 * (from + to), 0.5 * height], [length, to - from, height], BAKELITE));
+    }
+    scene.body("base", BodyKind::Fixed, Vec3::ZERO, 0.0, parts);
+    let pose = Pose3::from_translation(HANDSET_AT.extend(0.5 * HANDSET[2]));
+    let handset = scene.graspable_body("handset", pose, MASS, vec![cuboid([0.0; 3], HANDSET, HANDSET_RGB)]);
+    let down = |y: f32, height: f32| grip_pose([0.0, y, height], [180.0, 0.0, 0.0]);
+    // Held at its upper edge; let go a centimetre above the recess' floor.
+    let grasp = HANDSET[2] - 0.012;
+    let released = grasp + RECESS_FLOOR + 0.008;
+    scene.waypoint(down(HANDSET_AT.y, 0.12), Gripper::Open, Motion::Free);
+    scene.waypoint(down(HANDSET_AT.y, grasp), Gripper::Close, Motion::Linear);
+    scene.waypoint(down(HANDSET_AT.y, 0.16), Gripper::Close, Motion::Linear);
+    scene.waypoint(down(RECESS_Y, 0.16), Gripper::Close, Motion::Linear);
+    scene.waypoint(down(RECESS_Y, released), Gripper::Open, Motion::Linear);
+    let place = Vec3::new(0.0, RECESS_Y, RECESS_FLOOR + 0.5 * HANDSET[2]);
+    let zone = Zone::Cuboid { pose: Pose3::from_translation(place), half_extents: NEAR };
+    scene.finish(vec![Condition::BodyInZone { body: handset, point: Vec3::ZERO, zone }, Condition::NothingGrasped])
+}

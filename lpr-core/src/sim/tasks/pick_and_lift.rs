@@ -1,0 +1,64 @@
+//! Lift the red cube among two others to a marker in the air.
+
+use super::builder::{SceneBuilder, Spots, cuboid, grip_pose};
+use super::{Motion, Placement, Task, TaskScene, TaskSet};
+use crate::rng::Rng;
+use crate::robot::Gripper;
+use crate::scene::{Part, Shape};
+use crate::sim::scene_spec::{BodyKind, Condition, Zone};
+use core::f32::consts::FRAC_PI_4;
+use glamx::{Pose3, Quat, Vec2, Vec3};
+use rand::RngExt as _;
+
+/// The task.
+pub(super) static PICK_AND_LIFT: Task = Task {
+    name: "pick_and_lift",
+    set: TaskSet::One,
+    description: "lift the red cube up to the target",
+    keyframes: 4,
+    placement: Placement { center: Vec2::ZERO, half_range: Vec2::ZERO, max_yaw: 0.0 },
+    build,
+};
+
+const SIDE: f32 = 0.05;
+const MASS: f32 = 0.125;
+/// Cubes and marker stand in a rectangle of these sides, at least this far apart, metres.
+const REGION: Vec2 = Vec2::new(0.43, 0.565);
+const MIN_DISTANCE: f32 = 0.1;
+const MARKER_RADIUS: f32 = 0.04;
+const MARKER_HEIGHT: f32 = 0.231;
+/// The cube's middle must come this close to the marker's, metres.
+const REACH: f32 = 0.05;
+
+const RED: [u8; 3] = [215, 40, 36];
+const MARKER_RGB: [u8; 3] = [240, 170, 160];
+/// Colours of the distractors.
+const DISTRACTORS: [[u8; 3]; 5] = [[40, 160, 60], [40, 80, 210], [230, 200, 40], [150, 60, 180], [40, 180, 190]];
+
+fn build(rng: &mut Rng) -> TaskScene {
+    let mut scene = SceneBuilder::new(PICK_AND_LIFT.name);
+    let mut spots = Spots::new(REGION, MIN_DISTANCE);
+    let first = rng.random_range(0..DISTRACTORS.len());
+    let second = (first + rng.random_range(1..DISTRACTORS.len())) % DISTRACTORS.len();
+    let mut cubes = Vec::new();
+    for (name, rgb) in [("cube", RED), ("distractor0", DISTRACTORS[first]), ("distractor1", DISTRACTORS[second])] {
+        // A quarter turn changes nothing but the hand's way there.
+        let turn = Quat::from_rotation_z(FRAC_PI_4 * (2.0 * rng.random::<f32>() - 1.0));
+        let pose = Pose3::from_parts(spots.draw(rng).extend(0.5 * SIDE), turn);
+        cubes.push((scene.graspable_body(name, pose, MASS, vec![cuboid([0.0; 3], [SIDE; 3], rgb)]), pose));
+    }
+    let marker = spots.draw(rng).extend(MARKER_HEIGHT);
+    let ball = Part::new(Shape::Sphere { radius: MARKER_RADIUS }, Pose3::IDENTITY, MARKER_RGB);
+    scene.body("marker", BodyKind::Visual, marker, 0.0, vec![ball]);
+    let (cube, pose) = cubes[0];
+    let at =
+        |height: f32| pose * Pose3::from_translation(Vec3::Z * (height - 0.5 * SIDE)) * grip_pose([0.0; 3], [180.0, 0.0, 0.0]);
+    scene.waypoint(at(0.097), Gripper::Open, Motion::Free);
+    scene.waypoint(at(0.026), Gripper::Close, Motion::Linear);
+    scene.waypoint(at(0.097), Gripper::Close, Motion::Linear);
+    let mut goal = at(0.0);
+    goal.translation = marker;
+    scene.waypoint(goal, Gripper::Close, Motion::Linear);
+    let zone = Zone::Cuboid { pose: Pose3::from_translation(marker), half_extents: Vec3::splat(REACH) };
+    scene.finish(vec![Condition::Grasped { body: cube }, Condition::BodyInZone { body: cube, point: Vec3::ZERO, zone }])
+}
