@@ -15,7 +15,7 @@ pub(super) static CLOSE_BOX: Task = Task {
     set: TaskSet::Two,
     description: "close the box",
     keyframes: 5,
-    placement: Placement { center: Vec2::new(0.0, -0.02), half_range: Vec2::new(0.08, 0.10), max_yaw: FRAC_PI_8 },
+    placement: Placement { center: Vec2::new(-0.06, -0.02), half_range: Vec2::new(0.08, 0.10), max_yaw: FRAC_PI_8 },
     build,
 };
 

@@ -8,7 +8,7 @@ use glamx::{Pose3, Quat, Vec2, Vec3};
 
 /// Where a grill may stand: its frame is in front of the lid's handle.
 pub(super) const PLACEMENT: Placement =
-    Placement { center: Vec2::new(0.0, 0.0), half_range: Vec2::new(0.10, 0.15), max_yaw: FRAC_PI_2 };
+    Placement { center: Vec2::new(-0.05, 0.0), half_range: Vec2::new(0.10, 0.15), max_yaw: FRAC_PI_2 };
 
 /// The middle of the lid's bar when it is shut, metres.
 pub(super) const BAR: [f32; 3] = [0.081, -0.115, 0.316];
@@ -19,10 +19,12 @@ const BRAKE: f32 = 1.0;
 const LID_MASS: f32 = 0.66;
 /// Greatest opening, radians.
 const MOST: f32 = 60_f32.to_radians();
-/// Body: depth x, width y, height z.
-const BODY: [f32; 3] = [0.303, 0.556, 0.298];
-/// Middle of body and lid along x.
-const MIDDLE_X: f32 = 0.238;
+/// Body: depth x, width y, height z; its middle along x. Published is a depth of 0.303 with whatever stands out in front: here the
+/// front lies 4 cm behind the bar, so that the lower finger finds room also half a voxel off.
+const BODY: [f32; 3] = [0.27, 0.556, 0.298];
+const BODY_X: f32 = 0.256;
+/// Middle of the lid along x.
+const LID_X: f32 = 0.238;
 /// Lid: depth, width, height.
 const LID: [f32; 3] = [0.194, 0.291, 0.093];
 /// Gap between lid and body, metres.
@@ -51,17 +53,17 @@ pub(super) fn arc(grasp: Pose3, angle: f32) -> (Pose3, Vec<Pose3>) {
 /// Adds the grill with its lid open by `start` radians; returns the index of the hinge.
 pub(super) fn grill(scene: &mut SceneBuilder, start: f32) -> usize {
     let [depth, width, height] = BODY;
-    let burner = cuboid([MIDDLE_X, 0.155, height + 0.016], [0.155, 0.226, 0.032], STEEL);
+    let burner = cuboid([BODY_X, 0.155, height + 0.016], [0.155, 0.226, 0.032], STEEL);
     let body = scene.body(
         "grill",
         BodyKind::Fixed,
         Vec3::ZERO,
         0.0,
-        vec![cuboid([MIDDLE_X, 0.0, 0.5 * height], [depth, width, height], ENAMEL), burner],
+        vec![cuboid([BODY_X, 0.0, 0.5 * height], [depth, width, height], ENAMEL), burner],
     );
     let from_hinge = |point: [f32; 3]| (Vec3::from(point) - HINGE).to_array();
-    let lid_middle = [MIDDLE_X, HINGE.y, height + GAP + 0.5 * LID[2]];
-    let lid_front = MIDDLE_X - 0.5 * LID[0];
+    let lid_middle = [LID_X, HINGE.y, height + GAP + 0.5 * LID[2]];
+    let lid_front = LID_X - 0.5 * LID[0];
     let mut parts =
         vec![cuboid(from_hinge(lid_middle), LID, LID_RGB), cylinder_y(from_hinge(BAR), BAR_RADIUS, BAR_LENGTH, STEEL)];
     for side in [-1.0, 1.0] {

@@ -4,6 +4,7 @@ use super::builder::{SceneBuilder, cuboid, grip_pose};
 use super::{Motion, Placement, Task, TaskScene, TaskSet};
 use crate::rng::Rng;
 use crate::robot::Gripper;
+use crate::scene::Part;
 use crate::sim::scene_spec::{BodyKind, Condition, Zone};
 use core::f32::consts::PI;
 use glamx::{Pose3, Vec2, Vec3};
@@ -24,8 +25,10 @@ const RECESS_Y: f32 = 0.058;
 /// Width of the recess. Published is 0.0675, two millimetres wider than the handset: no pose on a grid of voxels finds that.
 const RECESS: f32 = 0.082;
 const RECESS_FLOOR: f32 = 0.02;
-/// Handset: length, width, height.
+/// Handset: length, width, height of its two ends; width and height of the handle between them.
 const HANDSET: [f32; 3] = [0.269, 0.065, 0.055];
+const END_LENGTH: f32 = 0.06;
+const HANDLE: [f32; 2] = [0.045, 0.04];
 const HANDSET_AT: Vec2 = Vec2::new(0.0, 0.237);
 const MASS: f32 = 0.271;
 /// The handset's middle must come this close to its place along x, y and z, metres.
@@ -43,9 +46,9 @@ fn build(_: &mut Rng) -> TaskScene {
     }
     scene.body("base", BodyKind::Fixed, Vec3::ZERO, 0.0, parts);
     let pose = Pose3::from_translation(HANDSET_AT.extend(0.5 * HANDSET[2]));
-    let handset = scene.graspable_body("handset", pose, MASS, vec![cuboid([0.0; 3], HANDSET, HANDSET_RGB)]);
+    let handset = scene.graspable_body("handset", pose, MASS, handset_parts());
     let down = |y: f32, height: f32| grip_pose([0.0, y, height], [180.0, 0.0, 0.0]);
-    // Held at its upper edge; let go a centimetre above the recess' floor.
+    // Held by the handle; let go a centimetre above the recess' floor.
     let grasp = HANDSET[2] - 0.012;
     let released = grasp + RECESS_FLOOR + 0.008;
     scene.waypoint(down(HANDSET_AT.y, 0.12), Gripper::Open, Motion::Free);
@@ -56,4 +59,16 @@ fn build(_: &mut Rng) -> TaskScene {
     let place = Vec3::new(0.0, RECESS_Y, RECESS_FLOOR + 0.5 * HANDSET[2]);
     let zone = Zone::Cuboid { pose: Pose3::from_translation(place), half_extents: NEAR };
     scene.finish(vec![Condition::BodyInZone { body: handset, point: Vec3::ZERO, zone }, Condition::NothingGrasped])
+}
+
+/// Two ends, and the handle flush with their upper sides.
+fn handset_parts() -> Vec<Part> {
+    let [length, width, height] = HANDSET;
+    let [handle_width, handle_height] = HANDLE;
+    let end = 0.5 * (length - END_LENGTH);
+    vec![
+        cuboid([end, 0.0, 0.0], [END_LENGTH, width, height], HANDSET_RGB),
+        cuboid([-end, 0.0, 0.0], [END_LENGTH, width, height], HANDSET_RGB),
+        cuboid([0.0, 0.0, 0.5 * (height - handle_height)], [length - 2.0 * END_LENGTH, handle_width, handle_height], HANDSET_RGB),
+    ]
 }

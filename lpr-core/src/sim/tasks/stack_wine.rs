@@ -25,10 +25,10 @@ const NECK: [f32; 2] = [0.012, 0.073];
 const MASS: f32 = 0.54;
 const BOTTLE_AT: Vec3 = Vec3::new(0.099, -0.20, 0.0);
 /// Height of the neck at which it is held.
-const HOLD: f32 = 0.215;
+const HOLD: f32 = 0.24;
 /// Rack: rods along y on which a bottle lies, between two boards.
 const ROD_RADIUS: f32 = 0.0064;
-const ROD_LENGTH: f32 = 0.18;
+const ROD_LENGTH: f32 = 0.14;
 const ROD_SPACING: f32 = 0.05;
 const ROD_HEIGHT: f32 = 0.10;
 const RACK_AT: Vec2 = Vec2::new(0.099, 0.20);
