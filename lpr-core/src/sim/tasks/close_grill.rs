@@ -27,7 +27,8 @@ fn build(_: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(CLOSE_GRILL.name);
     let joint = grill::grill(&mut scene, START);
     let grasp = grill::turn(START) * grip_pose(BAR, [-100.0, 0.0, -90.0]);
-    let approach = grasp * Pose3::from_translation(Vec3::new(0.0, 0.0, -0.042));
+    // Farther than the published 4 cm: the way there goes around the lid.
+    let approach = grasp * Pose3::from_translation(Vec3::new(0.0, 0.0, -0.07));
     scene.waypoint(approach, Gripper::Open, Motion::Free);
     scene.waypoint(grasp, Gripper::Close, Motion::Linear);
     let (end, arc) = grill::arc(grasp, -DEMONSTRATED);
