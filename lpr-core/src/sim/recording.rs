@@ -136,9 +136,8 @@ mod tests {
     #[test]
     fn demonstrations_that_are_followed_do_the_task_again() {
         for task in TASKS {
-            for (robot, first) in [(&XARM7, 1), (&PANDA, 2)] {
-                let mut followed = (first..).map(|seed| followed(task, robot, seed));
-                let (again, demo) = followed.find(|(_, demo)| demo.success).expect("one of the demonstrations succeeds");
+            for (robot, seed) in [(&XARM7, 1), (&PANDA, 2)] {
+                let (again, demo) = followed(task, robot, seed);
                 assert!(again.success, "{} with {}: {:?}", task.name, robot.name, again.invalid);
                 assert_eq!(again.frames.len(), demo.frames.len());
                 for (again, demo) in again.frames.iter().zip(&demo.frames) {

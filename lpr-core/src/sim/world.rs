@@ -298,14 +298,16 @@ mod tests {
     }
 
     #[test]
-    fn demonstrations_do_98_of_100_scenes_of_all_tasks_with_both_robots() {
-        let scenes = TASKS.iter().flat_map(|task| ROBOTS.map(|robot| (task.name, robot))).flat_map(|(task, robot)| {
-            let failed = (0..5).filter(move |seed| !demonstration(task, robot, *seed).1.success);
-            failed.map(move |seed| format!("{task} with {} in scene {seed}", robot.name))
-        });
-        let failed: Vec<_> = scenes.collect();
-        let n_scenes = 5 * TASKS.len() * ROBOTS.len();
-        assert!(50 * failed.len() <= n_scenes, "{failed:?}");
+    fn demonstrations_do_every_task_with_both_robots() {
+        /// The lid presses with 89 N on its way down, 9 more than are allowed.
+        const FAILS: (&str, &str, u64) = ("close_grill", "panda", 3);
+        for task in TASKS {
+            for robot in ROBOTS {
+                let failed: Vec<_> = (0..5).filter(|seed| !demonstration(task.name, robot, *seed).1.success).collect();
+                let expected: Vec<_> = (0..5).filter(|seed| (task.name, robot.name, *seed) == FAILS).collect();
+                assert_eq!(failed, expected, "{} with {}", task.name, robot.name);
+            }
+        }
     }
 
     #[test]
