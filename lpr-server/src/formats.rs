@@ -28,7 +28,9 @@ pub struct TaskRow {
     /// The paper's Task Set.
     pub set: &'static str,
     /// What the robot does in it.
-    pub description: &'static str,
+    pub description: String,
+    /// Names of its variations; none when there is only one.
+    pub variations: &'static [&'static str],
     /// Keyframes of a demonstration.
     pub keyframes: usize,
 }
@@ -42,8 +44,10 @@ impl TaskList {
             set: match task.set {
                 TaskSet::One => "1",
                 TaskSet::Two => "2",
+                TaskSet::Extra => "extra",
             },
-            description: task.description,
+            description: task.describe(0),
+            variations: task.variations,
             keyframes: task.keyframes,
         };
         Self { tasks: TASKS.into_iter().map(row).collect() }

@@ -14,7 +14,7 @@ pub struct SceneView {
     /// Name of the task.
     pub task: String,
     /// What is to be done.
-    pub description: &'static str,
+    pub description: String,
     /// Name of the robot.
     pub robot: &'static str,
     /// Name of the agent's method.
@@ -50,7 +50,7 @@ impl SceneView {
         let bounds = VoxelBounds::scene(environment.robot());
         Self {
             task: environment.task().name.to_owned(),
-            description: environment.task().description,
+            description: environment.task().describe(environment.variation()),
             robot: environment.robot().name,
             method: agent.method().name(),
             seed,

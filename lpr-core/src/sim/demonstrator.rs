@@ -232,7 +232,7 @@ mod tests {
     #[test]
     fn a_plan_for_displaced_goals_ends_its_paths_there() {
         let task = Task::by_name("toilet_seat_up").expect("a task");
-        let plan = place(task, &XARM7, 3).expect("a scene that can be placed").plan;
+        let plan = place(task, 0, &XARM7, 3).expect("a scene that can be placed").plan;
         let shift = |idx: usize| Vec3::new(0.004, -0.003 * idx as f32, 0.002);
         let mut goals = plan.goals.clone();
         goals.iter_mut().enumerate().for_each(|(idx, goal)| goal.pose.translation += shift(idx));

@@ -2,9 +2,9 @@
 
 use super::demonstrator::DemoPlan;
 use super::params::SimParams;
-use super::placement::{PlacedTask, place};
+use super::placement::{PlacedTask, Rejected, place};
 use super::render::{Detail, Item, MeshId, Renderer};
-use super::scene_spec::SceneSpec;
+use super::scene_spec::{BodyKind, SceneSpec};
 use super::tasks::{Task, TaskScene};
 use super::world::{Holding, World};
 use crate::env::{EPISODE_LENGTH, Environment, InvalidAction, StepResult};
@@ -29,6 +29,7 @@ const START_TOLERANCE: f32 = 1e-3;
 #[derive(Debug, Clone)]
 pub struct SimEnvironment {
     task: &'static Task,
+    variation: usize,
     robot: &'static Robot,
     params: SimParams,
     timing: TimingSettings,
@@ -70,11 +71,27 @@ impl SimEnvironment {
         cameras: &[&'static str],
         params: &SimParams,
     ) -> Result<Self> {
+        Self::of_variation(task, 0, robot, seed, cameras, params)
+    }
+
+    /// As [`Self::new`], of another variation than the first; a reset keeps to it.
+    ///
+    /// # Errors
+    ///
+    /// When there is no such variation, a camera is unknown or the scene cannot be placed.
+    pub fn of_variation(
+        task: &'static Task,
+        variation: usize,
+        robot: &'static Robot,
+        seed: u64,
+        cameras: &[&'static str],
+        params: &SimParams,
+    ) -> Result<Self> {
         for camera in cameras {
             Camera::by_name(camera, robot, &Pose3::IDENTITY)?;
         }
-        let placed = place(task, robot, seed)?;
-        Self::of(task, robot, placed, cameras, params)
+        let placed = place(task, variation, robot, seed)?;
+        Ok(Self { variation, ..Self::of(task, robot, placed, cameras, params)? })
     }
 
     /// The scene of an episode that was recorded: `spec` as it was placed, without cameras and without a demonstrator.
@@ -86,13 +103,14 @@ impl SimEnvironment {
         spec.check()?;
         let task = Task::by_name(&spec.task)?;
         let scene = TaskScene { spec, waypoints: Vec::new() };
-        Self::of(task, robot, PlacedTask { scene, plan: DemoPlan::none(), rejected: 0 }, &[], params)
+        let placed = PlacedTask { scene, frame: Pose3::IDENTITY, plan: DemoPlan::none(), rejected: Rejected::default() };
+        Self::of(task, robot, placed, &[], params)
     }
 
     fn of(
         task: &'static Task,
         robot: &'static Robot,
-        PlacedTask { scene, plan, rejected }: PlacedTask,
+        PlacedTask { scene, plan, rejected, .. }: PlacedTask,
         cameras: &[&'static str],
         params: &SimParams,
     ) -> Result<Self> {
@@ -100,13 +118,14 @@ impl SimEnvironment {
         let drawing = Drawing::new(&world)?;
         Ok(Self {
             task,
+            variation: 0,
             robot,
             params: params.clone(),
             timing: TimingSettings { max_velocity: 1.0, max_acceleration: 4.0 },
             cameras: cameras.to_vec(),
             world,
             plan: Arc::new(plan),
-            rejected_placements: rejected,
+            rejected_placements: rejected.total(),
             step: 0,
             drawing,
         })
@@ -129,6 +148,12 @@ impl SimEnvironment {
         self.task
     }
 
+    /// Which of the task's variations this is.
+    #[must_use]
+    pub fn variation(&self) -> usize {
+        self.variation
+    }
+
     /// The world behind the observations.
     #[must_use]
     pub fn world(&self) -> &World {
@@ -146,6 +171,20 @@ impl SimEnvironment {
     pub fn with_goals(&self, goals: &[NextBestPose], rng: &mut Rng) -> Option<Self> {
         let plan = self.plan.with_goals(self.robot, &self.robot.start, goals, rng)?;
         Some(Self { plan: Arc::new(plan), ..self.clone() })
+    }
+
+    /// This episode in a world where friction alone holds what the hand closes on; nothing is attached to it.
+    ///
+    /// # Errors
+    ///
+    /// As [`World::new`].
+    pub fn with_friction_grasps(&self) -> Result<Self> {
+        let mut spec = self.world.spec().clone();
+        for body in spec.bodies.iter_mut().filter(|body| body.kind == BodyKind::Graspable) {
+            body.kind = BodyKind::Dynamic;
+        }
+        let world = settled(World::new(Arc::new(spec), self.robot, self.robot.start, &self.params)?);
+        Ok(Self { world, step: 0, ..self.clone() })
     }
 
     /// Placements drawn and rejected before this scene's.
@@ -333,7 +372,8 @@ impl Environment for SimEnvironment {
 
     fn reset(&mut self, seed: u64) -> Result<()> {
         let timing = self.timing.clone();
-        *self = Self { timing, ..Self::new(self.task, self.robot, seed, &self.cameras, &self.params)? };
+        let Self { task, variation, robot, ref cameras, ref params, .. } = *self;
+        *self = Self { timing, ..Self::of_variation(task, variation, robot, seed, cameras, params)? };
         Ok(())
     }
 

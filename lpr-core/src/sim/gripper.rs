@@ -159,7 +159,7 @@ impl World {
     }
 
     /// Whether both fingers are in contact with a body of the scene.
-    fn pads_touch(&self, body: usize) -> bool {
+    pub(super) fn pads_touch(&self, body: usize) -> bool {
         self.fingers.iter().all(|finger| self.touching(*finger, self.bodies[body]))
     }
 

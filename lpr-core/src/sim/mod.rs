@@ -5,6 +5,8 @@ mod contact;
 mod demonstrator;
 mod env;
 pub mod feasibility;
+#[cfg(test)]
+mod grasps;
 mod gripper;
 mod params;
 mod physics;
@@ -19,6 +21,6 @@ mod world;
 pub use demonstrator::{DemoPlan, Demonstration, demonstrate};
 pub use env::SimEnvironment;
 pub use params::SimParams;
-pub use placement::{PlacedTask, place};
-pub use scene_spec::{BodyKind, BodySpec, Condition, JointKind, JointSpec, SceneSpec, Zone};
+pub use placement::{PlacedTask, Rejected, place};
+pub use scene_spec::{BodyKind, BodySpec, Condition, JointKind, JointSpec, Latch, SceneSpec, Zone};
 pub use world::{Holding, World};

@@ -6,8 +6,8 @@ use crate::scene::{Part, Shape};
 use glamx::{Pose3, Quat, Vec3};
 use rapier3d::prelude::{
     BroadPhaseBvh, CCDSolver, CoefficientCombineRule, ColliderBuilder, ColliderHandle, ColliderSet, GenericJoint, Group,
-    ImpulseJointSet, IntegrationParameters, InteractionGroups, InteractionTestMode, IslandManager, JointAxis, MotorModel,
-    MultibodyJointSet, NarrowPhase, PhysicsPipeline, PrismaticJointBuilder, RevoluteJointBuilder, RigidBodyBuilder,
+    ImpulseJointHandle, ImpulseJointSet, IntegrationParameters, InteractionGroups, InteractionTestMode, IslandManager, JointAxis,
+    MotorModel, MultibodyJointSet, NarrowPhase, PhysicsPipeline, PrismaticJointBuilder, RevoluteJointBuilder, RigidBodyBuilder,
     RigidBodyHandle, RigidBodySet, SharedShape, SoftBodySet, SpringCoefficients,
 };
 
@@ -18,6 +18,8 @@ pub(super) const ROBOT_GROUP: Group = Group::GROUP_2;
 
 /// Damping of a brake below its limit, N·m·s/rad or N·s/m: stiff, so that it acts as dry friction.
 const BRAKE_DAMPING: f32 = 100.0;
+/// Damping of a spring over its stiffness, seconds: a lever that is let go returns without swinging.
+const SPRING_DAMPING_SECS: f32 = 0.1;
 /// Earth's gravity along world z, m/s².
 const GRAVITY: Vec3 = Vec3::new(0.0, 0.0, -9.81);
 
@@ -123,7 +125,12 @@ impl Physics {
     ///
     /// It gives way a little, as rails and hinges do: between a rigid joint and a kinematic hand a force would be undefined (in
     /// reduced coordinates it grows without bound, with rapier's default stiffness it depends on the solver's iterations).
-    pub(super) fn insert_joint(&mut self, spec: &JointSpec, [parent, child]: [RigidBodyHandle; 2], params: &SimParams) {
+    pub(super) fn insert_joint(
+        &mut self,
+        spec: &JointSpec,
+        [parent, child]: [RigidBodyHandle; 2],
+        params: &SimParams,
+    ) -> ImpulseJointHandle {
         // The joint's own coordinate is zero at the start poses; its x axis is the axis of motion.
         let world_from_joint = Pose3::from_parts(spec.anchor, Quat::from_rotation_arc(Vec3::X, spec.axis));
         let frame_in = |body: RigidBodyHandle| self.bodies[body].position().inv_mul(&world_from_joint);
@@ -135,20 +142,46 @@ impl Physics {
         joint.softness = SpringCoefficients::new(params.joint_frequency, params.joint_damping_ratio);
         joint.local_frame1 = frame_in(parent);
         joint.local_frame2 = frame_in(child);
+        let axis = motion_axis(spec.kind);
         if spec.brake > 0.0 {
-            let axis = match spec.kind {
-                JointKind::Revolute => JointAxis::AngX,
-                JointKind::Prismatic => JointAxis::LinX,
-            };
             joint.set_motor_model(axis, MotorModel::ForceBased).set_motor_velocity(axis, 0.0, BRAKE_DAMPING);
             joint.set_motor_max_force(axis, spec.brake);
+        } else if spec.spring > 0.0 {
+            let damping = SPRING_DAMPING_SECS * spec.spring;
+            joint.set_motor_model(axis, MotorModel::ForceBased).set_motor_position(axis, 0.0, spec.spring, damping);
         }
-        self.impulse_joints.insert(parent, child, joint, true);
+        self.impulse_joints.insert(parent, child, joint, true)
+    }
+
+    /// Lets a joint move within `limits`, or keeps it where it was at the start.
+    pub(super) fn set_latched(&mut self, joint: ImpulseJointHandle, spec: &JointSpec, latched: Latched) {
+        let limits = match latched {
+            Latched::Yes => [0.0; 2],
+            Latched::No => spec.limits.map(|limit| limit - spec.start),
+        };
+        if let Some(joint) = self.impulse_joints.get_mut(joint, true) {
+            joint.data.set_limits(motion_axis(spec.kind), limits);
+        }
     }
 
     /// Colliders of a body.
     pub(super) fn colliders_of(&self, body: RigidBodyHandle) -> &[ColliderHandle] {
         self.bodies[body].colliders()
+    }
+}
+
+/// Whether a latch holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Latched {
+    Yes,
+    No,
+}
+
+/// The free axis of a joint, whose x is the axis of motion.
+fn motion_axis(kind: JointKind) -> JointAxis {
+    match kind {
+        JointKind::Revolute => JointAxis::AngX,
+        JointKind::Prismatic => JointAxis::LinX,
     }
 }
 

@@ -28,25 +28,51 @@ const TABLE: [Vec3; 2] = [Vec3::new(0.45, 0.0, -0.02), Vec3::new(0.75, 0.85, 0.0
 pub struct PlacedTask {
     /// Scene and waypoints in the world; the last body is the table.
     pub scene: TaskScene,
+    /// `world_from_task`.
+    pub frame: Pose3,
     /// What the demonstrator will do.
     pub plan: DemoPlan,
     /// Draws that were rejected before this one.
-    pub rejected: u64,
+    pub rejected: Rejected,
 }
 
-/// Places `task` for scene `seed`.
+/// Draws that were rejected, by reason.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Rejected {
+    /// Something stood in the arm's start posture.
+    pub at_the_arm: u64,
+    /// The arm could not do all waypoints.
+    pub out_of_reach: u64,
+}
+
+impl Rejected {
+    /// All of them.
+    #[must_use]
+    pub fn total(self) -> u64 {
+        self.at_the_arm + self.out_of_reach
+    }
+}
+
+/// Places a variation of `task` for scene `seed`. Task, variation, robot and seed make the scene, bit for bit.
 ///
 /// # Errors
 ///
-/// When 200 draws give no placement that the arm can do.
-pub fn place(task: &Task, robot: &'static Robot, seed: u64) -> Result<PlacedTask> {
+/// When there is no such variation, or 200 draws give no placement that the arm can do.
+pub fn place(task: &Task, variation: usize, robot: &'static Robot, seed: u64) -> Result<PlacedTask> {
+    task.check_variation(variation)?;
+    let mut rejected = Rejected::default();
     for draw in 0..MAX_DRAWS {
         let mut rng = rng::stream(seed, Stream::Placement, draw);
-        let Some(scene) = draw_placement(task, robot, &mut rng) else { continue };
+        let (frame, scene) = draw_placement(task, variation, robot, &mut rng);
+        let Some(scene) = scene else {
+            rejected.at_the_arm += 1;
+            continue;
+        };
         let mut ik_rng = rng::stream(seed, Stream::Ik, draw);
         if let Some(plan) = plan_waypoints(robot, &robot.start, &scene, &mut ik_rng) {
-            return Ok(PlacedTask { scene, plan, rejected: draw });
+            return Ok(PlacedTask { scene, frame, plan, rejected });
         }
+        rejected.out_of_reach += 1;
     }
     Err(Error::Environment(format!(
         "task '{}' with seed {seed}: none of {MAX_DRAWS} placements can be reached by {}",
@@ -54,19 +80,19 @@ pub fn place(task: &Task, robot: &'static Robot, seed: u64) -> Result<PlacedTask
     )))
 }
 
-/// One draw: `None` when something touches the arm's start posture.
-fn draw_placement(task: &Task, robot: &Robot, rng: &mut Rng) -> Option<TaskScene> {
+/// One draw of the task's frame, and the scene there: `None` when something touches the arm's start posture.
+fn draw_placement(task: &Task, variation: usize, robot: &Robot, rng: &mut Rng) -> (Pose3, Option<TaskScene>) {
     let Placement { center, half_range, max_yaw } = task.placement;
     let mut symmetric = || 2.0 * rng.random::<f32>() - 1.0;
     let yaw = max_yaw * symmetric();
     let origin = robot.workspace_center + center + half_range * Vec2::new(symmetric(), symmetric());
     let world_from_task = Pose3::from_parts(origin.extend(0.0), Quat::from_rotation_z(yaw));
-    let mut scene = (task.build)(rng).placed(&world_from_task);
+    let mut scene = (task.build)(variation, rng).placed(&world_from_task);
     if touches_start(robot, &scene) {
-        return None;
+        return (world_from_task, None);
     }
     scene.spec.bodies.push(table());
-    Some(scene)
+    (world_from_task, Some(scene))
 }
 
 /// Whether a body that can be touched is at the arm in its start posture; bounding boxes decide.

@@ -66,7 +66,10 @@ impl SceneSpec {
             if joint.parent == joint.child || no_body(joint.parent) || no_body(joint.child) {
                 return Err(broken(format!("joint '{name}': expected two bodies of the scene")));
             }
-            let numbers = [joint.limits[0], joint.limits[1], joint.start, joint.brake];
+            if joint.latch.is_some_and(|latch| latch.joint >= self.joints.len() || latch.min.is_nan()) {
+                return Err(broken(format!("joint '{name}': its latch names a joint that is not there")));
+            }
+            let numbers = [joint.limits[0], joint.limits[1], joint.start, joint.brake, joint.spring];
             let is_placed = joint.anchor.is_finite() && (joint.axis.length() - 1.0).abs() < UNIT_TOLERANCE;
             if !is_placed || !numbers.iter().all(|number| number.is_finite()) || joint.limits[0] > joint.limits[1] {
                 return Err(broken(format!("joint '{name}': expected a unit axis and ascending limits")));
@@ -158,6 +161,22 @@ pub struct JointSpec {
     pub start: f32,
     /// Dry friction of the joint, N·m or N.
     pub brake: f32,
+    /// What drives the joint back to `start`, N·m/rad or N/m.
+    #[serde(default)]
+    pub spring: f32,
+    /// What keeps the joint at `start`.
+    #[serde(default)]
+    pub latch: Option<Latch>,
+}
+
+/// A latch: it keeps a joint at its start until another joint has moved.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Latch {
+    /// Joint index of what opens it.
+    pub joint: usize,
+    /// How far that joint has to move, radians or metres.
+    pub min: f32,
 }
 
 /// The motion that a joint leaves free.
@@ -258,13 +277,13 @@ mod tests {
 
     fn drawer() -> SceneSpec {
         let task = Task::by_name("open_drawer").expect("a task");
-        place(task, &XARM7, 0).expect("a scene that can be placed").scene.spec
+        place(task, 0, &XARM7, 0).expect("a scene that can be placed").scene.spec
     }
 
     #[test]
     fn every_placed_scene_passes() {
         for task in TASKS {
-            let scene = place(task, &XARM7, 1).expect("a scene that can be placed").scene;
+            let scene = place(task, 0, &XARM7, 1).expect("a scene that can be placed").scene;
             assert_eq!(scene.spec.check(), Ok(()));
         }
     }

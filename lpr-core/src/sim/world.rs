@@ -3,20 +3,23 @@
 use super::arm::link_parts;
 use super::gripper::{GripperState, finger_parts, finger_poses};
 use super::params::SimParams;
-use super::physics::Physics;
-use super::scene_spec::{BodyKind, Condition, JointKind, SceneSpec};
+use super::physics::{Latched, Physics};
+use super::scene_spec::{BodyKind, Condition, JointKind, JointSpec, SceneSpec};
 use crate::env::InvalidAction;
 use crate::error::{Error, Result};
 use crate::robot::{DOF, Gripper, JointConfig, N_LINKS, Robot};
 use crate::scene::Part;
 use glamx::{Pose3, Quat, Vec3};
-use rapier3d::prelude::RigidBodyHandle;
+use rapier3d::prelude::{ImpulseJointHandle, RigidBodyHandle};
 use std::sync::Arc;
 
 pub use super::gripper::Holding;
 
 /// Index of the first link that can hit anything: the base and link 1 stand on the table by design.
 const FIRST_MOVING_LINK: usize = 2;
+
+/// How far a latched joint has to be from its start for its latch to miss it, radians or metres.
+const LATCH_DEPTH: f32 = 0.02;
 
 /// A scene in motion. A clone is a snapshot: it continues bit for bit as the original would have.
 #[derive(Clone)]
@@ -26,6 +29,7 @@ pub struct World {
     pub(super) robot: &'static Robot,
     spec: Arc<SceneSpec>,
     pub(super) bodies: Vec<RigidBodyHandle>,
+    joints: Vec<ImpulseJointHandle>,
     pub(super) links: [RigidBodyHandle; N_LINKS],
     pub(super) fingers: [RigidBodyHandle; 2],
     pub(super) gripper: GripperState,
@@ -47,13 +51,14 @@ impl World {
     pub fn new(spec: Arc<SceneSpec>, robot: &'static Robot, config: JointConfig, params: &SimParams) -> Result<Self> {
         let mut physics = Physics::new(params);
         let bodies: Vec<_> = spec.bodies.iter().map(|body| physics.insert_body(body, params)).collect();
+        let mut joints = Vec::with_capacity(spec.joints.len());
         for joint in &spec.joints {
             let broken = || Error::Environment(format!("joint '{}' of task '{}' cannot be built", joint.name, spec.task));
             let (parent, child) = bodies.get(joint.parent).zip(bodies.get(joint.child)).ok_or_else(broken)?;
             if parent == child {
                 return Err(broken());
             }
-            physics.insert_joint(joint, [*parent, *child], params);
+            joints.push(physics.insert_joint(joint, [*parent, *child], params));
         }
         let frames = robot.link_frames(&config);
         let links = core::array::from_fn(|link| {
@@ -72,6 +77,7 @@ impl World {
             robot,
             spec,
             bodies,
+            joints,
             links,
             fingers,
             gripper: GripperState::open(&robot.gripper),
@@ -96,10 +102,22 @@ impl World {
         for (finger, pose) in self.fingers.iter().zip(fingers) {
             self.physics.bodies[*finger].set_next_kinematic_position(pose);
         }
+        self.update_latches();
         self.physics.step();
         self.update_grasp();
         self.check_penetration()?;
         self.check_forces()
+    }
+
+    /// A latch holds while its joint is at the start and what opens it has not moved far enough.
+    fn update_latches(&mut self) {
+        let spec = Arc::clone(&self.spec);
+        let moved = |world: &Self, joint: usize| (world.joint_position(joint) - spec.joints[joint].start).abs();
+        for (idx, joint) in spec.joints.iter().enumerate() {
+            let Some(latch) = joint.latch else { continue };
+            let is_open = moved(self, idx) > LATCH_DEPTH || moved(self, latch.joint) > latch.min;
+            self.physics.set_latched(self.joints[idx], joint, if is_open { Latched::No } else { Latched::Yes });
+        }
     }
 
     /// The joint step against the robot's velocity limits: a kinematic arm would otherwise teleport.
@@ -167,12 +185,24 @@ impl World {
         *self.physics.bodies[self.bodies[body]].position()
     }
 
+    /// How a body has moved since the start, in the world.
+    fn motion(&self, body: usize) -> Pose3 {
+        self.body_pose(body) * self.spec.bodies[body].pose.inverse()
+    }
+
+    /// How a joint's child has moved since the start, as if its parent had stayed.
+    fn joint_motion(&self, spec: &JointSpec) -> Pose3 {
+        match self.spec.bodies[spec.parent].kind {
+            BodyKind::Visual | BodyKind::Fixed => self.motion(spec.child),
+            BodyKind::Dynamic | BodyKind::Graspable => self.motion(spec.parent).inverse() * self.motion(spec.child),
+        }
+    }
+
     /// Coordinate of a joint now, radians or metres.
     #[must_use]
     pub fn joint_position(&self, joint: usize) -> f32 {
         let spec = &self.spec.joints[joint];
-        let start = self.spec.bodies[spec.child].pose;
-        let moved = self.body_pose(spec.child) * start.inverse();
+        let moved = self.joint_motion(spec);
         match spec.kind {
             JointKind::Prismatic => spec.start + (moved.transform_point(spec.anchor) - spec.anchor).dot(spec.axis),
             JointKind::Revolute => {
@@ -191,7 +221,7 @@ impl World {
     #[must_use]
     pub fn joint_deviation(&self, joint: usize) -> (f32, f32) {
         let spec = &self.spec.joints[joint];
-        let moved = self.body_pose(spec.child) * self.spec.bodies[spec.child].pose.inverse();
+        let moved = self.joint_motion(spec);
         let travel = self.joint_position(joint) - spec.start;
         let expected = match spec.kind {
             JointKind::Prismatic => Pose3::from_translation(spec.axis * travel),
@@ -217,7 +247,11 @@ impl World {
             Condition::BodyOutsideZone { body, point, zone } => !zone.contains(self.body_pose(*body).transform_point(*point)),
             Condition::GripInZone { zone } => zone.contains(self.robot.grip(&self.config).translation),
             Condition::NothingGrasped => self.gripper.holding == Holding::Nothing,
-            Condition::Grasped { body } => self.gripper.holding == Holding::Attached { body: *body },
+            Condition::Grasped { body } => match self.gripper.holding {
+                Holding::Attached { body: held } => held == *body,
+                Holding::Pinched => self.pads_touch(*body),
+                Holding::Nothing => false,
+            },
         }
     }
 

@@ -28,6 +28,12 @@ pub(super) struct Arguments {
     /// Replace every keyframe by the nearest one that an agent's discrete actions can express
     #[arg(long)]
     quantised: bool,
+    /// Hold objects by friction alone instead of attaching them to the hand
+    #[arg(long)]
+    friction_grasps: bool,
+    /// The task's variation, counted from 0
+    #[arg(long, value_name = "V", default_value_t = 0)]
+    variation: usize,
     /// Write each demonstration to a file in this new directory
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -37,7 +43,9 @@ pub(super) struct Arguments {
 pub(super) struct Report {
     task: &'static str,
     robot: &'static str,
+    variation: usize,
     quantised: bool,
+    friction_grasps: bool,
     episodes: u32,
     successes: u32,
     /// Number of failures for each reason.
@@ -59,6 +67,7 @@ struct FailedEpisode {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Report> {
     let start = Instant::now();
+    arguments.task.task.check_variation(arguments.variation)?;
     let mut report = match &arguments.out {
         None => demonstrate_all(arguments, None)?,
         Some(path) => {
@@ -80,7 +89,9 @@ fn demonstrate_all(arguments: &Arguments, directory: Option<&Path>) -> Result<Re
     let mut report = Report {
         task: task.name,
         robot: robot.name,
+        variation: arguments.variation,
         quantised: *quantised,
+        friction_grasps: arguments.friction_grasps,
         episodes: *episodes,
         successes: 0,
         failures: BTreeMap::new(),
@@ -111,8 +122,12 @@ fn demonstrate_all(arguments: &Arguments, directory: Option<&Path>) -> Result<Re
 
 /// The demonstration in scene `seed`, or why there is none.
 fn demonstrate_seed(arguments: &Arguments, seed: u64) -> Result<Demonstration, &'static str> {
-    let Arguments { task: TaskArgument { task }, robot: RobotArgument { robot }, quantised, .. } = arguments;
-    let mut env = SimEnvironment::new(task, robot, seed, &["front"], &SimParams::STANDARD).map_err(|_| "unplaceable")?;
+    let Arguments { task: TaskArgument { task }, robot: RobotArgument { robot }, quantised, variation, .. } = arguments;
+    let mut env = SimEnvironment::of_variation(task, *variation, robot, seed, &["front"], &SimParams::STANDARD)
+        .map_err(|_| "unplaceable")?;
+    if arguments.friction_grasps {
+        env = env.with_friction_grasps().expect("a scene that was built once");
+    }
     if *quantised {
         env = quantise(&env, seed)?;
     }

@@ -9,6 +9,7 @@ mod eval;
 mod fk;
 mod ik;
 mod paths;
+mod placements;
 mod render;
 mod replay;
 mod robots;
@@ -61,6 +62,8 @@ enum Command {
     Robots,
     /// List the tasks
     Tasks,
+    /// Place a task many times: how often that fails, and what of its range is covered
+    Placements(placements::Arguments),
     /// Demonstrate a task by script
     Demo(demo::Arguments),
     /// List the candidate paths of a demonstration's keyframes, and execute each
@@ -91,6 +94,7 @@ impl Command {
         match self {
             Self::Robots => print(&robots::run(), format),
             Self::Tasks => print(&tasks::run(), format),
+            Self::Placements(arguments) => print(&placements::run(arguments), format),
             Self::Demo(arguments) => print(&demo::run(arguments)?, format),
             Self::Paths(arguments) => print(&paths::run(arguments)?, format),
             Self::Render(arguments) => print(&render::run(arguments)?, format),

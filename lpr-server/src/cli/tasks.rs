@@ -15,9 +15,10 @@ pub(super) fn run() -> Report {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{:<22} {:>3} {:>9}  description", "task", "set", "keyframes")?;
-        for TaskRow { name, set, description, keyframes } in &self.0.tasks {
-            writeln!(f, "{name:<22} {set:>3} {keyframes:>9}  {description}")?;
+        writeln!(f, "{:<36} {:>5} {:>9} {:>10}  description of variation 0", "task", "set", "keyframes", "variations")?;
+        for TaskRow { name, set, description, keyframes, variations } in &self.0.tasks {
+            let n_variations = variations.len().max(1);
+            writeln!(f, "{name:<36} {set:>5} {keyframes:>9} {n_variations:>10}  {description}")?;
         }
         Ok(())
     }

@@ -86,11 +86,35 @@ impl Spots {
     }
 }
 
+/// The colour of `variation` and two different others of `colors`.
+pub(super) fn target_and_distractors(colors: &[[u8; 3]], variation: usize, rng: &mut Rng) -> [[u8; 3]; 3] {
+    let target = colors[variation];
+    let others: Vec<_> = colors.iter().copied().filter(|other| *other != target).collect();
+    let first = rng.random_range(0..others.len());
+    let second = (first + rng.random_range(1..others.len())) % others.len();
+    [target, others[first], others[second]]
+}
+
 /// A grip pose at a position with roll, pitch, yaw in degrees: `Rz(yaw) Ry(pitch) Rx(roll)`.
 pub(super) fn grip_pose(position: [f32; 3], roll_pitch_yaw: [f32; 3]) -> Pose3 {
     let [roll, pitch, yaw] = roll_pitch_yaw.map(f32::to_radians);
     let rotation = Quat::from_rotation_z(yaw) * Quat::from_rotation_y(pitch) * Quat::from_rotation_x(roll);
     Pose3::from_parts(Vec3::from(position), rotation)
+}
+
+/// The motion by `angle` radians about the `axis` (of unit length) through `point`.
+pub(super) fn turn_about(point: Vec3, axis: Vec3, angle: f32) -> Pose3 {
+    let turn = Pose3::from_rotation(Quat::from_axis_angle(axis, angle));
+    Pose3::from_translation(point) * turn * Pose3::from_translation(-point)
+}
+
+/// The end of the way of `grasp` under a motion given by its share from 0 to 1, and the poses before it: so many that between two
+/// of them, where the hand goes straight, a heavy lid's hinge feels a tenth of a millimetre.
+pub(super) fn arc_about(grasp: Pose3, motion: impl Fn(f32) -> Pose3) -> (Pose3, Vec<Pose3>) {
+    /// Of them all, a degree and a half apart at most.
+    const POSES: usize = 57;
+    let pose = |idx: usize| motion(idx as f32 / POSES as f32) * grasp;
+    (pose(POSES), (1..POSES).map(pose).collect())
 }
 
 /// A box from its centre and side lengths.

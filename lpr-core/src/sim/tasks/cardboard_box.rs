@@ -67,6 +67,8 @@ pub(super) fn cardboard_box(scene: &mut SceneBuilder, hinge: Hinge, start: f32) 
         limits: [0.0, MOST],
         start,
         brake: 0.0,
+        spring: 0.0,
+        latch: None,
     })
 }
 

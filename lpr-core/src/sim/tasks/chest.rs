@@ -18,7 +18,9 @@ const PANEL: f32 = 0.0075;
 /// Drawer box: width, depth, height.
 const DRAWER: [f32; 3] = [0.361, 0.367, 0.112];
 const DRAWER_WALL: f32 = 0.007;
-/// Heights of the handles, bottom to top.
+/// The drawers, bottom to top: the variations of the tasks.
+pub(super) const DRAWERS: [&str; 3] = ["bottom", "middle", "top"];
+/// Heights of their handles.
 pub(super) const HANDLE_Z: [f32; 3] = [0.163, 0.283, 0.403];
 /// The handle bar's axis along y.
 pub(super) const HANDLE_Y: f32 = 0.206;
@@ -30,12 +32,13 @@ const WOOD: [u8; 3] = [150, 105, 70];
 const DRAWER_RGB: [u8; 3] = [188, 146, 102];
 const METAL: [u8; 3] = [60, 60, 66];
 
-/// Adds the chest with its bottom drawer pulled out by `pulled` metres; returns the index of that drawer's slide.
-pub(super) fn chest(scene: &mut SceneBuilder, pulled: f32) -> usize {
+/// Adds the chest with `drawer` (an index of [`DRAWERS`]) pulled out by `pulled` metres; returns the index of that drawer's slide.
+pub(super) fn chest(scene: &mut SceneBuilder, drawer: usize, pulled: f32) -> usize {
     let frame = scene.body("chest", BodyKind::Fixed, Vec3::ZERO, 0.0, frame_parts());
-    let slides = ["bottom_drawer", "middle_drawer", "top_drawer"].into_iter().zip(HANDLE_Z).zip([pulled, 0.0, 0.0]);
-    let slides = slides.map(|((name, z), start)| {
-        let drawer = scene.body(name, BodyKind::Dynamic, Vec3::new(0.0, start, z), 0.34, drawer_parts());
+    let slides = DRAWERS.into_iter().zip(HANDLE_Z).enumerate().map(|(idx, (name, z))| {
+        let name = format!("{name}_drawer");
+        let start = if idx == drawer { pulled } else { 0.0 };
+        let drawer = scene.body(&name, BodyKind::Dynamic, Vec3::new(0.0, start, z), 0.34, drawer_parts());
         scene.joint(JointSpec {
             name: format!("{name}_slide"),
             kind: JointKind::Prismatic,
@@ -46,9 +49,11 @@ pub(super) fn chest(scene: &mut SceneBuilder, pulled: f32) -> usize {
             limits: [0.0, 0.30],
             start,
             brake: 0.0,
+            spring: 0.0,
+            latch: None,
         })
     });
-    slides.collect::<Vec<_>>()[0]
+    slides.collect::<Vec<_>>()[drawer]
 }
 
 fn frame_parts() -> Vec<Part> {

@@ -13,7 +13,8 @@ use glamx::{Pose3, Vec2, Vec3};
 pub(super) static CLOSE_BOX: Task = Task {
     name: "close_box",
     set: TaskSet::Two,
-    description: "close the box",
+    goal: "close the box",
+    variations: &[],
     keyframes: 5,
     placement: Placement { center: Vec2::new(-0.06, -0.02), half_range: Vec2::new(0.08, 0.10), max_yaw: FRAC_PI_8 },
     build,
@@ -25,7 +26,7 @@ const CLOSED: f32 = 2.6;
 /// Opening at which the demonstrator lets go, radians.
 const LET_GO: f32 = 62_f32.to_radians();
 
-fn build(_: &mut Rng) -> TaskScene {
+fn build(_: usize, _: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(CLOSE_BOX.name);
     let joint = cardboard_box(&mut scene, HINGE, MOST);
     scene.waypoint(HINGE.hold(MOST, 0.08), Gripper::Open, Motion::Free);

@@ -1,4 +1,4 @@
-//! Push the bottom drawer of a chest shut.
+//! Push one drawer of a chest shut.
 
 use super::builder::{SceneBuilder, grip_pose};
 use super::chest::{self, HANDLE_Y, HANDLE_Z};
@@ -11,7 +11,8 @@ use crate::sim::scene_spec::Condition;
 pub(super) static CLOSE_DRAWER: Task = Task {
     name: "close_drawer",
     set: TaskSet::Two,
-    description: "push the bottom drawer shut",
+    goal: "push the {} drawer shut",
+    variations: &chest::DRAWERS,
     keyframes: 2,
     placement: chest::PLACEMENT,
     build,
@@ -25,10 +26,10 @@ const PUSHED: f32 = 0.06;
 /// published end the drawer would be pressed against its frame.
 const SHORT_OF_END: f32 = 0.06;
 
-fn build(_: &mut Rng) -> TaskScene {
+fn build(variation: usize, _: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(CLOSE_DRAWER.name);
-    let slide = chest::chest(&mut scene, PULLED);
-    let z = HANDLE_Z[0];
+    let slide = chest::chest(&mut scene, variation, PULLED);
+    let z = HANDLE_Z[variation];
     scene.waypoint(grip_pose([0.0, HANDLE_Y + PULLED + 0.0425, z], [90.0, 0.0, 0.0]), Gripper::Close, Motion::Free);
     scene.waypoint(grip_pose([0.0, HANDLE_Y + PULLED - SHORT_OF_END, z], [90.0, 0.0, 0.0]), Gripper::Close, Motion::Linear);
     scene.finish(vec![Condition::JointMoved { joint: slide, min: PUSHED }])

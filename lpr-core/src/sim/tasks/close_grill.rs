@@ -12,7 +12,8 @@ use glamx::{Pose3, Vec3};
 pub(super) static CLOSE_GRILL: Task = Task {
     name: "close_grill",
     set: TaskSet::Two,
-    description: "close the grill",
+    goal: "close the grill",
+    variations: &[],
     keyframes: 3,
     placement: grill::PLACEMENT,
     build,
@@ -23,7 +24,7 @@ const START: f32 = 57_f32.to_radians();
 const CLOSED: f32 = 50_f32.to_radians();
 const DEMONSTRATED: f32 = 54_f32.to_radians();
 
-fn build(_: &mut Rng) -> TaskScene {
+fn build(_: usize, _: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(CLOSE_GRILL.name);
     let joint = grill::grill(&mut scene, START);
     let grasp = grill::turn(START) * grip_pose(BAR, [-100.0, 0.0, -90.0]);

@@ -81,5 +81,7 @@ pub(super) fn grill(scene: &mut SceneBuilder, start: f32) -> usize {
         limits: [0.0, MOST],
         start,
         brake: BRAKE,
+        spring: 0.0,
+        latch: None,
     })
 }

@@ -11,13 +11,18 @@ mod close_drawer;
 mod close_grill;
 mod grill;
 mod open_box;
+mod open_dishwasher;
+mod open_door;
 mod open_drawer;
+mod open_filing_cabinet;
 mod open_grill;
+mod open_microwave;
 mod phone_on_base;
 mod pick_and_lift;
 mod pick_up_cup;
 mod put_rubbish_in_bin;
 mod reach_target;
+mod slide_block_to_target;
 mod stack_wine;
 mod take_lid_off_saucepan;
 mod take_umbrella_out_of_umbrella_stand;
@@ -38,6 +43,8 @@ pub enum TaskSet {
     One,
     /// Task Set 2: particular motions are needed.
     Two,
+    /// None of the two: further doors and slides, and the two tasks that the paper shows on the real arm.
+    Extra,
 }
 
 /// A task.
@@ -47,14 +54,16 @@ pub struct Task {
     pub name: &'static str,
     /// Task set of the paper.
     pub set: TaskSet,
-    /// The goal in a sentence.
-    pub description: &'static str,
+    /// The goal in a sentence, with `{}` where the variations differ; [`Task::describe`] fills it in.
+    pub goal: &'static str,
+    /// Names of the variations; none when there is only one.
+    pub variations: &'static [&'static str],
     /// Keyframes of a demonstration.
     pub keyframes: usize,
     /// How the task is placed on the table.
     pub placement: Placement,
-    /// Builds the scene and the demonstrator's waypoints in the task frame.
-    pub build: fn(&mut Rng) -> TaskScene,
+    /// Builds the scene of a variation (an index of `variations`, or 0) and the demonstrator's waypoints in the task frame.
+    pub build: fn(usize, &mut Rng) -> TaskScene,
 }
 
 /// Where a task frame may be on the table: origin and yaw are uniform.
@@ -115,7 +124,7 @@ impl TaskScene {
 }
 
 /// Every task.
-pub static TASKS: [&Task; 16] = [
+pub static TASKS: [&Task; 21] = [
     &reach_target::REACH_TARGET,
     &pick_and_lift::PICK_AND_LIFT,
     &pick_up_cup::PICK_UP_CUP,
@@ -132,6 +141,11 @@ pub static TASKS: [&Task; 16] = [
     &close_box::CLOSE_BOX,
     &close_grill::CLOSE_GRILL,
     &toilet_seat_down::TOILET_SEAT_DOWN,
+    &open_microwave::OPEN_MICROWAVE,
+    &open_door::OPEN_DOOR,
+    &slide_block_to_target::SLIDE_BLOCK_TO_TARGET,
+    &open_filing_cabinet::OPEN_FILING_CABINET,
+    &open_dishwasher::OPEN_DISHWASHER,
 ];
 
 impl Task {
@@ -145,5 +159,31 @@ impl Task {
             let known: Vec<_> = TASKS.iter().map(|task| task.name).collect();
             Error::Environment(format!("unknown task '{name}', known: {}", known.join(", ")))
         })
+    }
+
+    /// How many variations there are, from 1.
+    #[must_use]
+    pub fn n_variations(&self) -> usize {
+        self.variations.len().max(1)
+    }
+
+    /// The goal of a variation in a sentence; of one that does not exist, that of all.
+    #[must_use]
+    pub fn describe(&self, variation: usize) -> String {
+        self.goal.replace("{}", self.variations.get(variation).unwrap_or(&"…"))
+    }
+
+    /// Checks that there is such a variation.
+    ///
+    /// # Errors
+    ///
+    /// When there is none, naming the task and those that exist.
+    pub fn check_variation(&self, variation: usize) -> Result<()> {
+        let count = self.n_variations();
+        if variation < count {
+            return Ok(());
+        }
+        let known = if self.variations.is_empty() { "only 0".to_owned() } else { format!("0 to {}", count - 1) };
+        Err(Error::Environment(format!("task '{}' has no variation {variation}: {known}", self.name)))
     }
 }

@@ -13,7 +13,8 @@ use glamx::{Vec2, Vec3};
 pub(super) static OPEN_BOX: Task = Task {
     name: "open_box",
     set: TaskSet::Two,
-    description: "open the box",
+    goal: "open the box",
+    variations: &[],
     keyframes: 3,
     placement: Placement { center: Vec2::new(0.0, -0.02), half_range: Vec2::new(0.08, 0.10), max_yaw: FRAC_PI_8 },
     build,
@@ -24,7 +25,7 @@ const HINGE: Hinge = Hinge(Vec3::new(-0.025, -0.273, 0.149));
 const OPEN: f32 = FRAC_PI_2;
 const DEMONSTRATED: f32 = 100_f32.to_radians();
 
-fn build(_: &mut Rng) -> TaskScene {
+fn build(_: usize, _: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(OPEN_BOX.name);
     let joint = cardboard_box(&mut scene, HINGE, 0.0);
     scene.waypoint(HINGE.hold(0.0, 0.067), Gripper::Open, Motion::Free);

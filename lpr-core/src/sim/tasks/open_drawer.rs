@@ -1,4 +1,4 @@
-//! Open the bottom drawer of a chest: a free slide, pulled by a horizontal bar.
+//! Open one drawer of a chest: a free slide, pulled by a horizontal bar.
 
 use super::builder::{SceneBuilder, grip_pose};
 use super::chest::{self, HANDLE_Y, HANDLE_Z};
@@ -11,7 +11,8 @@ use crate::sim::scene_spec::Condition;
 pub(super) static OPEN_DRAWER: Task = Task {
     name: "open_drawer",
     set: TaskSet::Two,
-    description: "open the bottom drawer",
+    goal: "open the {} drawer",
+    variations: &chest::DRAWERS,
     keyframes: 3,
     placement: chest::PLACEMENT,
     build,
@@ -20,10 +21,10 @@ pub(super) static OPEN_DRAWER: Task = Task {
 /// Pull at which the task is done, metres.
 const OPEN: f32 = 0.15;
 
-fn build(_: &mut Rng) -> TaskScene {
+fn build(variation: usize, _: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(OPEN_DRAWER.name);
-    let slide = chest::chest(&mut scene, 0.0);
-    let z = HANDLE_Z[0];
+    let slide = chest::chest(&mut scene, variation, 0.0);
+    let z = HANDLE_Z[variation];
     scene.waypoint(grip_pose([0.0, 0.2825, z], [90.0, 0.0, 0.0]), Gripper::Open, Motion::Free);
     scene.waypoint(grip_pose([0.0, HANDLE_Y, z], [90.0, 0.0, 0.0]), Gripper::Close, Motion::Linear);
     scene.waypoint(grip_pose([0.0, 0.4325, z], [90.0, 0.0, 0.0]), Gripper::Close, Motion::Linear);

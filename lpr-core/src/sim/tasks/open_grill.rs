@@ -11,7 +11,8 @@ use crate::sim::scene_spec::Condition;
 pub(super) static OPEN_GRILL: Task = Task {
     name: "open_grill",
     set: TaskSet::Two,
-    description: "open the grill",
+    goal: "open the grill",
+    variations: &[],
     keyframes: 3,
     placement: grill::PLACEMENT,
     build,
@@ -21,7 +22,7 @@ pub(super) static OPEN_GRILL: Task = Task {
 const OPEN: f32 = 50_f32.to_radians();
 const DEMONSTRATED: f32 = 57_f32.to_radians();
 
-fn build(_: &mut Rng) -> TaskScene {
+fn build(_: usize, _: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(OPEN_GRILL.name);
     let joint = grill::grill(&mut scene, 0.0);
     let grasp = grip_pose(BAR, [-100.0, 0.0, -90.0]);

@@ -13,7 +13,8 @@ use glamx::{Pose3, Vec2, Vec3};
 pub(super) static PHONE_ON_BASE: Task = Task {
     name: "phone_on_base",
     set: TaskSet::One,
-    description: "put the phone on the base",
+    goal: "put the phone on the base",
+    variations: &[],
     keyframes: 5,
     placement: Placement { center: Vec2::ZERO, half_range: Vec2::new(0.08, 0.10), max_yaw: PI },
     build,
@@ -37,7 +38,7 @@ const NEAR: Vec3 = Vec3::new(0.075, 0.025, 0.03);
 const BAKELITE: [u8; 3] = [52, 54, 60];
 const HANDSET_RGB: [u8; 3] = [196, 52, 44];
 
-fn build(_: &mut Rng) -> TaskScene {
+fn build(_: usize, _: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(PHONE_ON_BASE.name);
     let [length, depth, height] = BASE;
     let mut parts = vec![cuboid([0.0, 0.0, 0.5 * RECESS_FLOOR], [length, depth, RECESS_FLOOR], BAKELITE)];

@@ -1,6 +1,6 @@
-//! Lift the red cube among two others to a marker in the air.
+//! Lift the cube of one colour among two others to a marker in the air.
 
-use super::builder::{SceneBuilder, Spots, cuboid, grip_pose};
+use super::builder::{SceneBuilder, Spots, cuboid, grip_pose, target_and_distractors};
 use super::{Motion, Placement, Task, TaskScene, TaskSet};
 use crate::rng::Rng;
 use crate::robot::Gripper;
@@ -14,7 +14,8 @@ use rand::RngExt as _;
 pub(super) static PICK_AND_LIFT: Task = Task {
     name: "pick_and_lift",
     set: TaskSet::One,
-    description: "lift the red cube up to the target",
+    goal: "lift the {} cube up to the target",
+    variations: &["red", "green", "blue", "yellow", "purple", "cyan"],
     keyframes: 4,
     placement: Placement { center: Vec2::ZERO, half_range: Vec2::ZERO, max_yaw: 0.0 },
     build,
@@ -30,18 +31,16 @@ const MARKER_HEIGHT: f32 = 0.231;
 /// The cube's middle must come this close to the marker's, metres.
 const REACH: f32 = 0.05;
 
-const RED: [u8; 3] = [215, 40, 36];
 const MARKER_RGB: [u8; 3] = [240, 170, 160];
-/// Colours of the distractors.
-const DISTRACTORS: [[u8; 3]; 5] = [[40, 160, 60], [40, 80, 210], [230, 200, 40], [150, 60, 180], [40, 180, 190]];
+/// Colours of the variations; the distractors have two of the others.
+const COLORS: [[u8; 3]; 6] = [[215, 40, 36], [40, 160, 60], [40, 80, 210], [230, 200, 40], [150, 60, 180], [40, 180, 190]];
 
-fn build(rng: &mut Rng) -> TaskScene {
+fn build(variation: usize, rng: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(PICK_AND_LIFT.name);
     let mut spots = Spots::new(REGION, MIN_DISTANCE);
-    let first = rng.random_range(0..DISTRACTORS.len());
-    let second = (first + rng.random_range(1..DISTRACTORS.len())) % DISTRACTORS.len();
+    let colours = target_and_distractors(&COLORS, variation, rng);
     let mut cubes = Vec::new();
-    for (name, rgb) in [("cube", RED), ("distractor0", DISTRACTORS[first]), ("distractor1", DISTRACTORS[second])] {
+    for (name, rgb) in ["cube", "distractor0", "distractor1"].into_iter().zip(colours) {
         // A quarter turn changes nothing but the hand's way there.
         let turn = Quat::from_rotation_z(FRAC_PI_4 * (2.0 * rng.random::<f32>() - 1.0));
         let pose = Pose3::from_parts(spots.draw(rng).extend(0.5 * SIDE), turn);

@@ -1,4 +1,4 @@
-//! Pick up the red cup by its rim.
+//! Pick up the cup of one colour by its rim.
 
 use super::builder::{SceneBuilder, Spots, cylinder_z, grip_pose, tube};
 use super::{Motion, Placement, Task, TaskScene, TaskSet};
@@ -12,7 +12,8 @@ use rand::RngExt as _;
 pub(super) static PICK_UP_CUP: Task = Task {
     name: "pick_up_cup",
     set: TaskSet::One,
-    description: "pick up the red cup",
+    goal: "pick up the {} cup",
+    variations: &["red", "green", "blue", "yellow", "purple", "white"],
     keyframes: 3,
     placement: Placement { center: Vec2::ZERO, half_range: Vec2::ZERO, max_yaw: 0.0 },
     build,
@@ -28,15 +29,16 @@ const MIN_DISTANCE: f32 = 0.16;
 /// Middle of the wall where it is grasped.
 const RIM: f32 = RADIUS - 0.5 * WALL;
 
-const RED: [u8; 3] = [215, 40, 36];
-/// Colours of the other cup.
-const OTHERS: [[u8; 3]; 5] = [[40, 160, 60], [40, 80, 210], [230, 200, 40], [150, 60, 180], [240, 240, 240]];
+/// Colours of the variations; the other cup has one of the others.
+const COLORS: [[u8; 3]; 6] = [[215, 40, 36], [40, 160, 60], [40, 80, 210], [230, 200, 40], [150, 60, 180], [240, 240, 240]];
 
-fn build(rng: &mut Rng) -> TaskScene {
+fn build(variation: usize, rng: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(PICK_UP_CUP.name);
     let mut spots = Spots::new(REGION, MIN_DISTANCE);
-    let other = OTHERS[rng.random_range(0..OTHERS.len())];
-    let [target, _] = [("cup", RED), ("other_cup", other)].map(|(name, rgb)| {
+    let color = COLORS[variation];
+    let others: Vec<_> = COLORS.into_iter().filter(|other| *other != color).collect();
+    let other = others[rng.random_range(0..others.len())];
+    let [target, _] = [("cup", color), ("other_cup", other)].map(|(name, rgb)| {
         let at = spots.draw(rng).extend(0.0);
         let mut parts = tube(RADIUS, WALL, HEIGHT, rgb);
         parts.push(cylinder_z([0.0, 0.0, 0.5 * WALL], RADIUS - WALL, WALL, rgb));

@@ -14,7 +14,8 @@ use rand::RngExt as _;
 pub(super) static PUT_RUBBISH_IN_BIN: Task = Task {
     name: "put_rubbish_in_bin",
     set: TaskSet::One,
-    description: "put the rubbish in the bin",
+    goal: "put the rubbish in the bin",
+    variations: &[],
     keyframes: 4,
     placement: Placement { center: Vec2::ZERO, half_range: Vec2::new(0.08, 0.08), max_yaw: PI },
     build,
@@ -35,7 +36,7 @@ const BIN_RGB: [u8; 3] = [70, 90, 120];
 const PAPER: [u8; 3] = [222, 220, 205];
 const TOMATO: [u8; 3] = [200, 45, 35];
 
-fn build(rng: &mut Rng) -> TaskScene {
+fn build(_: usize, rng: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(PUT_RUBBISH_IN_BIN.name);
     scene.body("bin", BodyKind::Fixed, BIN_AT, 0.0, bin_parts());
     let mut spots = SPOTS;

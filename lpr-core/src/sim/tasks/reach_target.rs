@@ -1,6 +1,6 @@
-//! Reach the red ball among two others.
+//! Reach the ball of one colour among two others.
 
-use super::builder::{SceneBuilder, grip_pose};
+use super::builder::{SceneBuilder, grip_pose, target_and_distractors};
 use super::{Motion, Placement, Task, TaskScene, TaskSet};
 use crate::rng::Rng;
 use crate::robot::Gripper;
@@ -13,7 +13,8 @@ use rand::RngExt as _;
 pub(super) static REACH_TARGET: Task = Task {
     name: "reach_target",
     set: TaskSet::One,
-    description: "reach the red target",
+    goal: "reach the {} target",
+    variations: &["red", "green", "blue", "yellow", "purple", "cyan", "white"],
     keyframes: 1,
     placement: Placement { center: Vec2::ZERO, half_range: Vec2::ZERO, max_yaw: 0.0 },
     build,
@@ -25,11 +26,11 @@ const REGION: [f32; 3] = [0.5, 0.7, 0.5];
 /// Least distance between two balls.
 const MIN_DISTANCE: f32 = 0.2;
 
-const RED: [u8; 3] = [225, 30, 30];
-/// Colours of the distractors.
-const DISTRACTORS: [[u8; 3]; 6] = [[40, 160, 60], [40, 80, 210], [230, 200, 40], [150, 60, 180], [40, 180, 190], [240, 240, 240]];
+/// Colours of the variations; the distractors have two of the others.
+const COLORS: [[u8; 3]; 7] =
+    [[225, 30, 30], [40, 160, 60], [40, 80, 210], [230, 200, 40], [150, 60, 180], [40, 180, 190], [240, 240, 240]];
 
-fn build(rng: &mut Rng) -> TaskScene {
+fn build(variation: usize, rng: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(REACH_TARGET.name);
     let mut centers: Vec<Vec3> = Vec::new();
     while centers.len() < 3 {
@@ -42,9 +43,7 @@ fn build(rng: &mut Rng) -> TaskScene {
             centers.push(center);
         }
     }
-    let first = rng.random_range(0..DISTRACTORS.len());
-    let second = (first + rng.random_range(1..DISTRACTORS.len())) % DISTRACTORS.len();
-    let colours = [RED, DISTRACTORS[first], DISTRACTORS[second]];
+    let colours = target_and_distractors(&COLORS, variation, rng);
     for (name, (center, rgb)) in ["target", "distractor0", "distractor1"].into_iter().zip(centers.iter().zip(colours)) {
         let ball = Part::new(Shape::Sphere { radius: RADIUS }, Pose3::IDENTITY, rgb);
         scene.body(name, BodyKind::Visual, *center, 0.0, vec![ball]);

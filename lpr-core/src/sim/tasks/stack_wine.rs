@@ -13,7 +13,8 @@ use glamx::{Pose3, Quat, Vec2, Vec3};
 pub(super) static STACK_WINE: Task = Task {
     name: "stack_wine",
     set: TaskSet::One,
-    description: "put the wine bottle on the rack",
+    goal: "put the wine bottle on the rack",
+    variations: &[],
     keyframes: 5,
     placement: Placement { center: Vec2::new(-0.08, -0.02), half_range: Vec2::new(0.05, 0.05), max_yaw: FRAC_PI_4 },
     build,
@@ -39,7 +40,7 @@ const GLASS: [u8; 3] = [38, 78, 52];
 const FOIL: [u8; 3] = [150, 40, 50];
 const WOOD: [u8; 3] = [172, 126, 82];
 
-fn build(_: &mut Rng) -> TaskScene {
+fn build(_: usize, _: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(STACK_WINE.name);
     scene.body("rack", BodyKind::Fixed, RACK_AT.extend(0.0), 0.0, rack_parts());
     let bottle = scene.graspable_body("bottle", Pose3::from_translation(BOTTLE_AT), MASS, bottle_parts());

@@ -12,7 +12,8 @@ use glamx::{Pose3, Vec2, Vec3};
 pub(super) static TAKE_LID_OFF_SAUCEPAN: Task = Task {
     name: "take_lid_off_saucepan",
     set: TaskSet::One,
-    description: "take the lid off the saucepan",
+    goal: "take the lid off the saucepan",
+    variations: &[],
     keyframes: 3,
     placement: Placement { center: Vec2::ZERO, half_range: Vec2::new(0.14, 0.28), max_yaw: PI },
     build,
@@ -32,7 +33,7 @@ const BLACK: [u8; 3] = [45, 45, 50];
 const LID_RGB: [u8; 3] = [190, 60, 50];
 const KNOB_RGB: [u8; 3] = [235, 200, 70];
 
-fn build(_: &mut Rng) -> TaskScene {
+fn build(_: usize, _: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(TAKE_LID_OFF_SAUCEPAN.name);
     scene.body(
         "saucepan",

@@ -13,7 +13,8 @@ use glamx::{Pose3, Vec2, Vec3};
 pub(super) static TAKE_UMBRELLA_OUT_OF_UMBRELLA_STAND: Task = Task {
     name: "take_umbrella_out_of_umbrella_stand",
     set: TaskSet::One,
-    description: "take the umbrella out of the umbrella stand",
+    goal: "take the umbrella out of the umbrella stand",
+    variations: &[],
     keyframes: 3,
     placement: Placement { center: Vec2::ZERO, half_range: Vec2::new(0.12, 0.22), max_yaw: PI },
     build,
@@ -35,7 +36,7 @@ const BRASS: [u8; 3] = [150, 120, 60];
 const CLOTH: [u8; 3] = [40, 60, 130];
 const CROOK: [u8; 3] = [110, 70, 40];
 
-fn build(_: &mut Rng) -> TaskScene {
+fn build(_: usize, _: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(TAKE_UMBRELLA_OUT_OF_UMBRELLA_STAND.name);
     let mut stand = tube(STAND_RADIUS, WALL, STAND_HEIGHT, BRASS);
     stand.push(cylinder_z([0.0, 0.0, 0.5 * WALL], STAND_RADIUS, WALL, BRASS));

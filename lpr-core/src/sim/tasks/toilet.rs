@@ -62,5 +62,7 @@ pub(super) fn toilet(scene: &mut SceneBuilder, hinge: &Hinge) -> usize {
         limits: [0.0, hinge.most],
         start: hinge.start,
         brake: 0.0,
+        spring: 0.0,
+        latch: None,
     })
 }

@@ -13,7 +13,8 @@ use glamx::{Pose3, Quat, Vec2, Vec3};
 pub(super) static TOILET_SEAT_DOWN: Task = Task {
     name: "toilet_seat_down",
     set: TaskSet::Two,
-    description: "put the toilet seat down",
+    goal: "put the toilet seat down",
+    variations: &[],
     keyframes: 3,
     placement: Placement { center: Vec2::new(-0.04, -0.02), half_range: Vec2::new(0.08, 0.15), max_yaw: FRAC_PI_4 },
     build,
@@ -24,7 +25,7 @@ const HINGE: Hinge = Hinge { anchor: Vec3::new(-0.006, -0.034, 0.2365), start: 1
 /// Fall at which the task is done, radians: the seat lies within 0.045 of flat.
 const FALLEN: f32 = 1.70;
 
-fn build(_: &mut Rng) -> TaskScene {
+fn build(_: usize, _: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(TOILET_SEAT_DOWN.name);
     let hinge = toilet(&mut scene, &HINGE);
     // The gripper's narrow side faces the seat, which the published pose would stand in.

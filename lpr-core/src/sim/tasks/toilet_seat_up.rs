@@ -13,7 +13,8 @@ use glamx::{Vec2, Vec3};
 pub(super) static TOILET_SEAT_UP: Task = Task {
     name: "toilet_seat_up",
     set: TaskSet::Two,
-    description: "lift the toilet seat up",
+    goal: "lift the toilet seat up",
+    variations: &[],
     keyframes: 3,
     placement: Placement { center: Vec2::new(-0.04, -0.06), half_range: Vec2::new(0.08, 0.15), max_yaw: FRAC_PI_4 },
     build,
@@ -27,7 +28,7 @@ const DEMONSTRATED: f32 = 87.0 / 180.0 * core::f32::consts::PI;
 /// Poses of the demonstrated arc.
 const ARC_POSES: usize = 12;
 
-fn build(_: &mut Rng) -> TaskScene {
+fn build(_: usize, _: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(TOILET_SEAT_UP.name);
     let hinge = toilet(&mut scene, &HINGE);
     let height = HINGE.anchor.z;

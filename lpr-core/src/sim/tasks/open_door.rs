@@ -1,0 +1,115 @@
+//! Open a door: its lever unlatches it, then it is pushed away.
+
+use super::builder::{SceneBuilder, arc_about, cuboid, cylinder_x, cylinder_y, grip_pose, turn_about};
+use super::{Motion, Placement, Task, TaskScene, TaskSet};
+use crate::rng::Rng;
+use crate::robot::Gripper;
+use crate::sim::scene_spec::{BodyKind, Condition, JointKind, JointSpec, Latch};
+use core::f32::consts::FRAC_PI_4;
+use glamx::{Vec2, Vec3};
+
+/// The task.
+pub(super) static OPEN_DOOR: Task = Task {
+    name: "open_door",
+    set: TaskSet::Extra,
+    goal: "turn the lever and push the door open",
+    variations: &[],
+    keyframes: 4,
+    placement: Placement { center: Vec2::new(0.0, 0.0), half_range: Vec2::new(0.05, 0.10), max_yaw: FRAC_PI_4 },
+    build,
+};
+
+/// Thickness x, width y, height z.
+const DOOR: [f32; 3] = [0.015, 0.39, 0.913];
+/// A point of the hinge; its axis is -z, so that the door opens away from the arm.
+const HINGE: Vec3 = Vec3::new(0.190, -0.204, 0.0);
+const DOOR_MASS: f32 = 2.0;
+/// Friction of the hinge, N·m.
+const BRAKE: f32 = 0.2;
+const DOOR_RANGE: f32 = 30_f32.to_radians();
+/// The lever's axle; it turns about +x, its free end down.
+const AXLE: Vec3 = Vec3::new(0.150, 0.155, 0.478);
+const LEVER_RADIUS: f32 = 0.007;
+const LEVER_LENGTH: f32 = 0.11;
+const LEVER_MASS: f32 = 0.1;
+const LEVER_RANGE: f32 = 35_f32.to_radians();
+/// What turns the lever back, N·m/rad.
+const LEVER_SPRING: f32 = 0.3;
+/// Lever at which the latch lets go, and at which the demonstrator stops, radians.
+const UNLATCHED: f32 = 25_f32.to_radians();
+const LEVER_DEMONSTRATED: f32 = 30_f32.to_radians();
+/// Opening at which the task is done, and at which the demonstrator stops, radians.
+const OPEN: f32 = 25_f32.to_radians();
+const DEMONSTRATED: f32 = 28_f32.to_radians();
+/// Where the lever is held, from its axle along -y, metres.
+const HOLD: f32 = 0.08;
+/// How far from the lever the hand begins, metres.
+const APPROACH: f32 = 0.08;
+
+const PAINT: [u8; 3] = [206, 196, 178];
+const FRAME: [u8; 3] = [120, 96, 74];
+const BRASS: [u8; 3] = [190, 160, 84];
+
+fn build(_: usize, _: &mut Rng) -> TaskScene {
+    let mut scene = SceneBuilder::new(OPEN_DOOR.name);
+    let [thickness, width, height] = DOOR;
+    let post = |y| cuboid([HINGE.x, y, 0.5 * height], [0.02, 0.02, height], FRAME);
+    let posts = vec![post(HINGE.y - 0.012), post(HINGE.y + width + 0.012)];
+    let frame = scene.body("frame", BodyKind::Fixed, Vec3::ZERO, 0.0, posts);
+    // A millimetre above the table.
+    let slab = cuboid([0.0, 0.5 * width, 0.5 * height + 0.001], [thickness, width, height], PAINT);
+    let door = scene.body("door", BodyKind::Dynamic, HINGE, DOOR_MASS, vec![slab]);
+    let lever = scene.body("lever", BodyKind::Dynamic, AXLE, LEVER_MASS, lever_parts());
+    let hinge = scene.joint(JointSpec {
+        name: "door_hinge".to_owned(),
+        kind: JointKind::Revolute,
+        parent: frame,
+        child: door,
+        anchor: HINGE,
+        axis: Vec3::NEG_Z,
+        limits: [0.0, DOOR_RANGE],
+        start: 0.0,
+        brake: BRAKE,
+        spring: 0.0,
+        latch: Some(Latch { joint: 1, min: UNLATCHED }),
+    });
+    scene.joint(JointSpec {
+        name: "lever_axle".to_owned(),
+        kind: JointKind::Revolute,
+        parent: door,
+        child: lever,
+        anchor: AXLE,
+        axis: Vec3::X,
+        limits: [0.0, LEVER_RANGE],
+        start: 0.0,
+        brake: 0.0,
+        spring: LEVER_SPRING,
+        latch: None,
+    });
+    // The hand looks along +x, its fingers above and below the lever.
+    let hand = [0.0, 90.0, 0.0];
+    let held = AXLE - Vec3::Y * HOLD;
+    let grasp = grip_pose(held.to_array(), hand) * upright();
+    let approach = grip_pose((held - Vec3::X * APPROACH).to_array(), hand) * upright();
+    scene.waypoint(approach, Gripper::Open, Motion::Free);
+    scene.waypoint(grasp, Gripper::Close, Motion::Linear);
+    let (turned, arc) = arc_about(grasp, |share| turn_about(AXLE, Vec3::X, share * LEVER_DEMONSTRATED));
+    scene.waypoint(turned, Gripper::Close, Motion::Through(arc));
+    let (end, arc) = arc_about(turned, |share| turn_about(HINGE, Vec3::NEG_Z, share * DEMONSTRATED));
+    scene.waypoint(end, Gripper::Close, Motion::Through(arc));
+    scene.finish(vec![Condition::JointMoved { joint: hinge, min: OPEN }])
+}
+
+/// Turns a hand about its approach, so that it opens upwards.
+fn upright() -> glamx::Pose3 {
+    glamx::Pose3::from_rotation(glamx::Quat::from_rotation_z(core::f32::consts::FRAC_PI_2))
+}
+
+/// The lever around its axle: bar and axle.
+fn lever_parts() -> Vec<crate::scene::Part> {
+    let gap = HINGE.x - 0.5 * DOOR[0] - AXLE.x;
+    vec![
+        cylinder_y([0.0, -0.5 * LEVER_LENGTH, 0.0], LEVER_RADIUS, LEVER_LENGTH, BRASS),
+        cylinder_x([0.5 * gap, 0.0, 0.0], LEVER_RADIUS, gap, BRASS),
+    ]
+}
