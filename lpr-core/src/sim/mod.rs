@@ -6,9 +6,11 @@ mod demonstrator;
 mod env;
 pub mod feasibility;
 mod gripper;
+mod observing;
 mod params;
 mod physics;
 mod placement;
+mod randomization;
 #[cfg(feature = "learn")]
 pub mod recording;
 pub mod render;
@@ -18,7 +20,9 @@ mod world;
 
 pub use demonstrator::{DemoPlan, Demonstration, demonstrate};
 pub use env::SimEnvironment;
+pub use observing::{CameraRequest, Seen};
 pub use params::SimParams;
 pub use placement::{PlacedTask, place};
+pub use randomization::{Randomization, Sensing};
 pub use scene_spec::{BodyKind, BodySpec, Condition, JointKind, JointSpec, SceneSpec, Zone};
 pub use world::{Holding, World};
