@@ -15,6 +15,7 @@ mod randomization;
 pub mod recording;
 pub mod render;
 mod scene_spec;
+mod snapshot;
 pub mod tasks;
 mod world;
 
