@@ -2,7 +2,7 @@
 # set would build all of burn once more. lpr-wasm/build.sh builds without it.
 ALL := --locked --workspace --features lpr-core/ndarray
 
-.PHONY: check fmt lint doc page test test-doc tools faults
+.PHONY: check fmt lint doc page gallery test test-doc tools faults
 
 check: fmt lint doc page test test-doc
 
@@ -38,3 +38,8 @@ page: www/node_modules
 www/node_modules: www/package-lock.json
 	cd www && npm ci --ignore-scripts --no-audit --no-fund
 	touch $@
+
+# A picture and an animation of every task, and the page that shows them: docs/gallery.md. The same scenes give the same bytes.
+gallery:
+	rm -rf docs/gallery
+	cargo run --release --locked -- gallery --out docs/gallery

@@ -6,12 +6,12 @@
 //!
 //! Both files carry a digest, so that damage is told from a bug.
 
-mod digest;
 mod state;
 mod weights;
 
 pub use weights::{SavedAgent, WeightsHeader, load_agent, read_header};
 
+use crate::digest;
 use crate::env::Environment;
 use crate::error::{Error, Result};
 use crate::q_attention::NextBestPose;

@@ -12,6 +12,9 @@ pub enum Error {
     /// A checkpoint that is corrupt, foreign or newer than this program.
     #[error("checkpoint: {0}")]
     Checkpoint(String),
+    /// A snapshot of a world that is corrupt, foreign or of another version.
+    #[error("snapshot: {0}")]
+    Snapshot(String),
     /// A tensor, path or image of another shape than asked for.
     #[error("{what}: expected shape {expected}, found {found}")]
     Shape {

@@ -134,9 +134,13 @@ impl<'a> Artist<'a> {
     }
 }
 
-/// A view over the whole arm and the workspace from the front and the side.
+/// A view over the whole arm and the workspace from the front and the side: of a larger arm from farther away.
 fn beauty(robot: &Robot) -> Camera {
+    /// Distance of the workspace's centre from the base for which the numbers below are, metres: the xArm7's.
+    const REACH: f32 = 0.38;
     let center = robot.workspace_center.extend(0.0);
-    let position = center + Vec3::new(1.03, 1.25, 0.95);
-    Camera::looking_at(BEAUTY, position, center + Vec3::new(-0.17, 0.0, 0.36), 37_f32.to_radians())
+    // Half of it: a larger arm may fill more of the picture.
+    let scale = 0.5 + 0.5 * center.x / REACH;
+    let position = center + scale * Vec3::new(1.03, 1.25, 0.95);
+    Camera::looking_at(BEAUTY, position, center + scale * Vec3::new(-0.17, 0.0, 0.31), 37_f32.to_radians())
 }

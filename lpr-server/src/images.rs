@@ -1,9 +1,12 @@
 //! PNG and animated GIF files. Pixels are rows from the top, each from the left.
 
+mod changes;
 mod palette;
 
+pub use changes::write_gif_of_changes;
+
 use crate::files::{self, FileError, Result};
-use palette::Indexed;
+use palette::{Indexed, MAX_COLORS};
 use std::io;
 use std::path::Path;
 
@@ -39,22 +42,30 @@ pub struct Shown {
 ///
 /// When there is no frame, one has not `width * height` pixels, or the file cannot be written.
 pub fn write_gif(path: &Path, width: u16, height: u16, frames: &[Shown]) -> Result<()> {
-    if frames.is_empty() {
-        return Err(FileError::content(path, "an animation needs at least one frame"));
-    }
-    frames.iter().try_for_each(|frame| check_size(path, width.into(), height.into(), &frame.pixels))?;
+    check_frames(path, width, height, frames)?;
     files::write_atomically(path, |writer| {
         let mut encoder = gif::Encoder::new(writer, width, height, &[]).map_err(gif_to_io)?;
         encoder.set_repeat(gif::Repeat::Infinite).map_err(gif_to_io)?;
         for Shown { pixels, millis } in frames {
-            let Indexed { palette, pixels } = palette::indexed(pixels);
+            let Indexed { palette, pixels } = palette::indexed(pixels, MAX_COLORS);
             let mut frame = gif::Frame::from_palette_pixels(width, height, pixels, palette, None);
-            // The format counts hundredths of a second.
-            frame.delay = u16::try_from(millis / 10).unwrap_or(u16::MAX);
+            frame.delay = delay(*millis);
             encoder.write_frame(&frame).map_err(gif_to_io)?;
         }
         Ok(())
     })
+}
+
+/// What the format counts, hundredths of a second.
+fn delay(millis: u32) -> u16 {
+    u16::try_from(millis / 10).unwrap_or(u16::MAX)
+}
+
+fn check_frames(path: &Path, width: u16, height: u16, frames: &[Shown]) -> Result<()> {
+    if frames.is_empty() {
+        return Err(FileError::content(path, "an animation needs at least one frame"));
+    }
+    frames.iter().try_for_each(|frame| check_size(path, width.into(), height.into(), &frame.pixels))
 }
 
 fn check_size(path: &Path, width: u32, height: u32, pixels: &[[u8; 3]]) -> Result<()> {

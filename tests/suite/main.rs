@@ -10,6 +10,7 @@ mod lpr;
 mod output;
 mod page;
 mod runs;
+mod scenes;
 mod serve;
 mod server;
 mod xarm;

@@ -2,8 +2,8 @@
 //!
 //! Types of the core are converted to what is stored here, so that none of them has to be built from unchecked bytes.
 
-use super::digest;
 use crate::agent::Networks;
+use crate::digest;
 use crate::error::{Error, Result};
 use crate::learner::{Learner, Row, Seen, UpdateCounts};
 use crate::nn::{AdamState, NamedTensor};

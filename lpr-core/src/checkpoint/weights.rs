@@ -1,8 +1,8 @@
 //! `weights.safetensors`: the networks that act, and in the metadata what they are of.
 
-use super::digest;
 use crate::agent::{Agent, Init, Networks};
 use crate::config::Config;
+use crate::digest;
 use crate::error::{Error, Result};
 use crate::nn::NamedTensor;
 use crate::robot::Robot;

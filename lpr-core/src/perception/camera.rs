@@ -181,6 +181,23 @@ impl Camera {
         self.world_from_camera.transform_point(ray * depth)
     }
 
+    /// The points in the world that the pixels of a depth image see; `Vec3::INFINITY` where the depth is not finite.
+    #[must_use]
+    pub fn unproject_image(&self, depth: &[f32]) -> Vec<Vec3> {
+        let origin = self.world_from_camera.translation;
+        let rotation = self.world_from_camera.rotation;
+        let ray_per_column = rotation * Vec3::new(1.0 / self.fx, 0.0, 0.0);
+        let mut points = Vec::with_capacity(depth.len());
+        for (y, row) in depth.chunks(self.width).enumerate() {
+            let ray_left = rotation * Vec3::new((0.5 - self.cx) / self.fx, (y as f32 + 0.5 - self.cy) / self.fy, 1.0);
+            points.extend(row.iter().enumerate().map(|(x, &z)| {
+                let seen = origin + (ray_left + ray_per_column * x as f32) * z;
+                if z.is_finite() { seen } else { Vec3::INFINITY }
+            }));
+        }
+        points
+    }
+
     /// Number of pixels.
     #[must_use]
     pub const fn n_pixels(&self) -> usize {

@@ -1,16 +1,16 @@
 //! The simulator as an [`Environment`].
 
 use super::demonstrator::DemoPlan;
+use super::observing::Drawing;
 use super::params::SimParams;
 use super::placement::{PlacedTask, Rejected, place};
-use super::render::{Detail, Item, MeshId, Renderer};
 use super::scene_spec::{BodyKind, SceneSpec};
 use super::tasks::{Task, TaskScene};
 use super::world::{Holding, World};
 use crate::env::{EPISODE_LENGTH, Environment, InvalidAction, StepResult};
 use crate::error::Result;
 use crate::path::{JointPath, TimedPath, TimingSettings};
-use crate::perception::{Camera, Observation, Proprio, View, time_feature};
+use crate::perception::{Camera, Observation, Proprio, time_feature};
 use crate::q_attention::NextBestPose;
 use crate::rng::Rng;
 use crate::robot::{Gripper, Robot};
@@ -30,15 +30,15 @@ const START_TOLERANCE: f32 = 1e-3;
 pub struct SimEnvironment {
     task: &'static Task,
     variation: usize,
-    robot: &'static Robot,
+    pub(super) robot: &'static Robot,
     params: SimParams,
     timing: TimingSettings,
     cameras: Vec<&'static str>,
-    world: World,
+    pub(super) world: World,
     plan: Arc<DemoPlan>,
     rejected_placements: u64,
-    step: usize,
-    drawing: Drawing,
+    pub(super) step: usize,
+    pub(super) drawing: Drawing,
 }
 
 /// Where a macro action stops.
@@ -48,14 +48,6 @@ pub(super) enum Until {
     Success,
     /// At the end.
     End,
-}
-
-/// Meshes of the scene, built once an episode.
-#[derive(Debug, Clone)]
-struct Drawing {
-    renderer: Renderer,
-    /// Per scene body, per part: mesh, pose in the body, colour.
-    bodies: Vec<Vec<(MeshId, Pose3, [u8; 3])>>,
 }
 
 impl SimEnvironment {
@@ -295,64 +287,6 @@ impl SimEnvironment {
         }
         Ok(())
     }
-
-    fn view(&mut self, camera: &'static str) -> View {
-        let world_from_flange = Pose3::from(self.robot.flange(self.world.config()));
-        let camera = Camera::by_name(camera, self.robot, &world_from_flange).expect("camera names were checked at construction");
-        let items = self.drawing.items(&self.world);
-        self.drawing.renderer.render(&camera, &items).view
-    }
-
-    /// Items of a picture: every visible part of scene and robot. Ids are 1 + body index, then the robot's frames.
-    ///
-    /// # Errors
-    ///
-    /// When a shape has no volume.
-    pub fn picture_items(world: &World, renderer: &mut Renderer) -> Result<Vec<Item>> {
-        let mut items = Vec::new();
-        let robot = world.robot_items();
-        let n_bodies = world.spec().bodies.len();
-        let scene = world.scene_items().map(|(idx, pose, parts)| (idx, pose, parts.to_vec()));
-        let robot = robot.into_iter().enumerate().map(|(idx, (pose, parts))| (n_bodies + idx, pose, parts));
-        for (idx, pose, parts) in scene.chain(robot) {
-            for part in parts {
-                let mesh = renderer.mesh(&part.shape)?;
-                items.push(Item { mesh, world_from_mesh: pose * part.pose, rgb: part.rgb, id: 1 + idx as u16 });
-            }
-        }
-        Ok(items)
-    }
-}
-
-impl Drawing {
-    fn new(world: &World) -> Result<Self> {
-        let mut renderer = Renderer::new(Detail::Observation);
-        let scene = world.scene_items().map(|(_, _, parts)| parts.to_vec());
-        let robot = world.robot_items().into_iter().map(|(_, parts)| parts);
-        let mut bodies = Vec::new();
-        for parts in scene.chain(robot) {
-            let meshes: Result<Vec<_>> =
-                parts.iter().map(|part| Ok((renderer.mesh(&part.shape)?, part.pose, part.rgb))).collect();
-            bodies.push(meshes?);
-        }
-        Ok(Self { renderer, bodies })
-    }
-
-    fn items(&self, world: &World) -> Vec<Item> {
-        let scene = world.scene_items().map(|(_, pose, _)| pose);
-        let robot = world.robot_poses();
-        let mut items = Vec::new();
-        for (idx, (pose, parts)) in scene.chain(robot).zip(&self.bodies).enumerate() {
-            let id = 1 + idx as u16;
-            items.extend(parts.iter().map(|(mesh, part, rgb)| Item {
-                mesh: *mesh,
-                world_from_mesh: pose * *part,
-                rgb: *rgb,
-                id,
-            }));
-        }
-        items
-    }
 }
 
 /// Lets the scene come to rest; the arm stands still.
@@ -372,8 +306,12 @@ impl Environment for SimEnvironment {
 
     fn reset(&mut self, seed: u64) -> Result<()> {
         let timing = self.timing.clone();
+        let sensing = self.sensing().cloned();
         let Self { task, variation, robot, ref cameras, ref params, .. } = *self;
         *self = Self { timing, ..Self::of_variation(task, variation, robot, seed, cameras, params)? };
+        if let Some(sensing) = sensing {
+            self.set_sensing(sensing, seed);
+        }
         Ok(())
     }
 

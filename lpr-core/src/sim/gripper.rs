@@ -10,6 +10,7 @@ use crate::robot::{Gripper, GripperBox, GripperSpec, HAND};
 use crate::scene::{Part, Shape};
 use glamx::{Pose3, Vec3};
 use rapier3d::prelude::{FixedJointBuilder, ImpulseJointHandle, RigidBodyHandle};
+use serde::{Deserialize, Serialize};
 
 /// Colour of the pads.
 const PAD_RGB: [u8; 3] = [40, 40, 45];
@@ -26,7 +27,7 @@ const FORCE_LEAD_STEPS: f32 = 4.0;
 const FIRM: f32 = 0.8;
 
 /// What the gripper holds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Holding {
     /// Nothing.
     Nothing,
@@ -40,7 +41,7 @@ pub enum Holding {
 }
 
 /// State of the gripper.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(super) struct GripperState {
     pub(super) width: f32,
     pub(super) command: Gripper,

@@ -8,19 +8,24 @@ pub mod feasibility;
 #[cfg(test)]
 mod grasps;
 mod gripper;
+mod observing;
 mod params;
 mod physics;
 mod placement;
+mod randomization;
 #[cfg(feature = "learn")]
 pub mod recording;
 pub mod render;
 mod scene_spec;
+mod snapshot;
 pub mod tasks;
 mod world;
 
 pub use demonstrator::{DemoPlan, Demonstration, demonstrate};
 pub use env::SimEnvironment;
+pub use observing::{CameraRequest, Seen};
 pub use params::SimParams;
 pub use placement::{PlacedTask, Rejected, place};
+pub use randomization::{Randomization, Sensing};
 pub use scene_spec::{BodyKind, BodySpec, Condition, JointKind, JointSpec, Latch, SceneSpec, Zone};
 pub use world::{Holding, World};

@@ -10,6 +10,7 @@ use rapier3d::prelude::{
     MotorModel, MultibodyJointSet, NarrowPhase, PhysicsPipeline, PrismaticJointBuilder, RevoluteJointBuilder, RigidBodyBuilder,
     RigidBodyHandle, RigidBodySet, SharedShape, SoftBodySet, SpringCoefficients,
 };
+use serde::{Deserialize, Serialize};
 
 /// Group of fixed and moving bodies of the scene.
 pub(super) const SCENE_GROUP: Group = Group::GROUP_1;
@@ -24,7 +25,7 @@ const SPRING_DAMPING_SECS: f32 = 0.1;
 const GRAVITY: Vec3 = Vec3::new(0.0, 0.0, -9.81);
 
 /// All of rapier's state.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub(super) struct Physics {
     pub(super) parameters: IntegrationParameters,
     pub(super) islands: IslandManager,
@@ -34,12 +35,18 @@ pub(super) struct Physics {
     pub(super) colliders: ColliderSet,
     pub(super) impulse_joints: ImpulseJointSet,
     pub(super) multibody_joints: MultibodyJointSet,
+    /// None are ever inserted.
+    #[serde(skip)]
     soft_bodies: SoftBodySet,
+    /// Scratch space, as the pipeline.
+    #[serde(skip)]
     ccd_solver: CCDSolver,
+    #[serde(skip)]
     pipeline: Pipeline,
 }
 
 /// rapier's pipeline is scratch space without state of its own: a clone starts afresh.
+#[derive(Default)]
 struct Pipeline(PhysicsPipeline);
 
 impl Clone for Pipeline {

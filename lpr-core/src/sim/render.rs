@@ -4,6 +4,7 @@
 //! are meshes with poses, and walls, floor and table are items like any other.
 
 mod annotate;
+mod capture;
 mod font;
 mod mesh;
 mod palette;
@@ -11,6 +12,7 @@ mod picture;
 mod raster;
 
 pub use annotate::Stroke;
+pub use capture::{Capture, Channel};
 pub use mesh::Detail;
 pub use palette::value_color;
 pub use picture::Picture;
@@ -24,10 +26,22 @@ use raster::{NO_FACE, Raster};
 
 /// Colour of pixels that see nothing.
 const BACKGROUND: [u8; 3] = [188, 199, 210];
-/// Towards the light, in the world; not of unit length.
-const TO_LIGHT: Vec3 = Vec3::new(0.45, -0.35, 0.85);
-/// Share of a surface's colour that is seen without the light.
-const AMBIENT: f32 = 0.45;
+
+/// What lights the images of observations.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Light {
+    /// Towards the light, in the world; of any length but zero.
+    pub to_light: Vec3,
+    /// Share of a surface's colour that is seen without the light.
+    pub ambient: f32,
+    /// Share of a surface's colour that the light adds where it falls straight on it.
+    pub intensity: f32,
+}
+
+impl Light {
+    /// The light of every observation that is not randomised.
+    pub const STANDARD: Self = Self { to_light: Vec3::new(0.45, -0.35, 0.85), ambient: 0.45, intensity: 1.0 - 0.45 };
+}
 
 /// Mask value of pixels that see nothing.
 pub const NO_ITEM: u16 = 0;
@@ -77,6 +91,8 @@ struct Shaded {
 /// Meshes of shapes, made once, and the buffers that images are drawn in.
 #[derive(Debug, Clone)]
 pub struct Renderer {
+    /// What lights the images from now on; pictures for people have lights of their own.
+    pub light: Light,
     detail: Detail,
     shapes: Vec<Shape>,
     meshes: Vec<Mesh>,
@@ -88,7 +104,14 @@ impl Renderer {
     /// A renderer without meshes.
     #[must_use]
     pub fn new(detail: Detail) -> Self {
-        Self { detail, shapes: Vec::new(), meshes: Vec::new(), raster: Raster::default(), shaded: Vec::new() }
+        Self {
+            light: Light::STANDARD,
+            detail,
+            shapes: Vec::new(),
+            meshes: Vec::new(),
+            raster: Raster::default(),
+            shaded: Vec::new(),
+        }
     }
 
     /// The mesh of `shape`, made at the first call and shared by equal shapes.
@@ -121,17 +144,22 @@ impl Renderer {
 
     /// What the frame's camera sees of `items`, in place of what it saw before.
     pub fn render_into(&mut self, frame: &mut Frame, items: &[Item]) {
-        self.raster.clear(&frame.view.camera);
-        for (idx, item) in items.iter().enumerate() {
-            self.raster.draw(&frame.view.camera, idx, &self.meshes[item.mesh.0], &item.world_from_mesh);
-        }
+        self.draw(&frame.view.camera, items);
         self.shade(items);
         self.resolve(frame);
     }
 
+    /// Fills the buffers with what `camera` sees of `items`.
+    fn draw(&mut self, camera: &Camera, items: &[Item]) {
+        self.raster.clear(camera);
+        for (idx, item) in items.iter().enumerate() {
+            self.raster.draw(camera, idx, &self.meshes[item.mesh.0], &item.world_from_mesh);
+        }
+    }
+
     /// Colours the faces that pixels may see.
     fn shade(&mut self, items: &[Item]) {
-        let to_light = TO_LIGHT.normalize_or_zero();
+        let to_light = self.light.to_light.normalize_or_zero();
         self.shaded.clear();
         self.shaded.push(Shaded { rgb: BACKGROUND, id: NO_ITEM });
         let mut light_of = (u32::MAX, Vec3::ZERO);
@@ -141,7 +169,7 @@ impl Renderer {
                 light_of = (face.item_idx, item.world_from_mesh.rotation.inverse() * to_light);
             }
             let normal = self.meshes[item.mesh.0].normals[face.triangle_idx as usize];
-            let brightness = AMBIENT + (1.0 - AMBIENT) * normal.dot(light_of.1).max(0.0);
+            let brightness = self.light.ambient + self.light.intensity * normal.dot(light_of.1).max(0.0);
             let rgb = item.rgb.map(|channel| (f32::from(channel) * brightness) as u8);
             self.shaded.push(Shaded { rgb, id: item.id });
         }

@@ -51,14 +51,17 @@ impl SceneSpec {
     pub fn check(&self) -> Result<()> {
         let broken = |what: String| Error::Environment(format!("scene of task '{}': {what}", self.task));
         let no_body = |body: usize| self.bodies.get(body).is_none();
+        if self.bodies.len() > MAX_BODIES {
+            return Err(broken(format!("bodies: expected at most {MAX_BODIES}, found {}", self.bodies.len())));
+        }
         for body in &self.bodies {
             let name = &body.name;
             let weights = [body.mass, body.friction];
             if !is_pose(&body.pose) || !body.parts.iter().all(|part| is_pose(&part.pose) && has_volume(&part.shape)) {
-                return Err(broken(format!("body '{name}': expected unit quaternions and sizes above 0")));
+                return Err(broken(format!("body '{name}': expected unit quaternions, sizes above 0 and lengths up to {FAR} m")));
             }
-            if !weights.iter().all(|weight| weight.is_finite() && *weight >= 0.0) {
-                return Err(broken(format!("body '{name}': expected mass and friction from 0")));
+            if !weights.iter().all(|weight| (0.0..=HEAVY).contains(weight)) {
+                return Err(broken(format!("body '{name}': expected mass and friction from 0 to {HEAVY}")));
             }
         }
         for joint in &self.joints {
@@ -70,7 +73,7 @@ impl SceneSpec {
                 return Err(broken(format!("joint '{name}': its latch names a joint that is not there")));
             }
             let numbers = [joint.limits[0], joint.limits[1], joint.start, joint.brake, joint.spring];
-            let is_placed = joint.anchor.is_finite() && (joint.axis.length() - 1.0).abs() < UNIT_TOLERANCE;
+            let is_placed = is_near(joint.anchor) && (joint.axis.length() - 1.0).abs() < UNIT_TOLERANCE;
             if !is_placed || !numbers.iter().all(|number| number.is_finite()) || joint.limits[0] > joint.limits[1] {
                 return Err(broken(format!("joint '{name}': expected a unit axis and ascending limits")));
             }
@@ -92,18 +95,30 @@ impl SceneSpec {
 /// How far the length of a unit axis or quaternion may be from 1.
 const UNIT_TOLERANCE: f32 = 1e-3;
 
+/// Most bodies of a scene: masks hold their indices in 16 bits, and no table has room for more.
+const MAX_BODIES: usize = 1000;
+/// Farthest that anything may be, and its greatest size, metres: squares and cubes of it are still ordinary numbers.
+const FAR: f32 = 100.0;
+/// Greatest mass and friction, kg and 1.
+const HEAVY: f32 = 1e5;
+
+fn is_near(point: Vec3) -> bool {
+    // False for NaN.
+    point.abs().cmple(Vec3::splat(FAR)).all()
+}
+
 fn is_pose(pose: &Pose3) -> bool {
-    pose.translation.is_finite() && (pose.rotation.length() - 1.0).abs() < UNIT_TOLERANCE
+    is_near(pose.translation) && (pose.rotation.length() - 1.0).abs() < UNIT_TOLERANCE
 }
 
 fn has_volume(shape: &Shape) -> bool {
-    let above_zero = |lengths: &[f32]| lengths.iter().all(|length| length.is_finite() && *length > 0.0);
+    let above_zero = |lengths: &[f32]| lengths.iter().all(|length| *length > 0.0 && *length <= FAR);
     match shape {
         Shape::Sphere { radius } => above_zero(&[*radius]),
         Shape::Cuboid { half_extents } => above_zero(&half_extents.to_array()),
         Shape::Cylinder { radius, half_length } => above_zero(&[*radius, *half_length]),
-        Shape::Capsule { radius, half_length } => above_zero(&[*radius]) && half_length.is_finite() && *half_length >= 0.0,
-        Shape::Convex { points } => points.len() >= 4 && points.iter().all(|point| point.is_finite()),
+        Shape::Capsule { radius, half_length } => above_zero(&[*radius]) && (0.0..=FAR).contains(half_length),
+        Shape::Convex { points } => points.len() >= 4 && points.iter().all(|point| is_near(*point)),
     }
 }
 
@@ -298,6 +313,9 @@ mod tests {
         let broken_size = |scene: &mut SceneSpec| scene.bodies[0].parts[0].shape = Shape::Sphere { radius: -1.0 };
         assert!(refusal(&broken_size).contains(&drawer().bodies[0].name));
         assert!(refusal(&|scene| scene.bodies[0].mass = f32::NAN).contains("mass"));
+        assert!(refusal(&|scene| scene.bodies[0].mass = 1e30).contains("mass"));
+        assert!(refusal(&|scene| scene.bodies[0].pose.translation.x = 1e30).contains("up to 100 m"));
+        assert!(refusal(&|scene| scene.bodies = vec![scene.bodies[0].clone(); 2000]).contains("at most 1000, found 2000"));
         assert!(refusal(&|scene| scene.joints[0].child = 99).contains("expected two bodies"));
         assert!(refusal(&|scene| scene.joints[0].axis = Vec3::ZERO).contains("unit axis"));
         assert!(refusal(&|scene| scene.success = vec![Condition::Grasped { body: 99 }]).contains("success[0]"));

@@ -27,13 +27,13 @@ pub struct World {
     pub(super) physics: Physics,
     pub(super) params: SimParams,
     pub(super) robot: &'static Robot,
-    spec: Arc<SceneSpec>,
+    pub(super) spec: Arc<SceneSpec>,
     pub(super) bodies: Vec<RigidBodyHandle>,
-    joints: Vec<ImpulseJointHandle>,
+    pub(super) joints: Vec<ImpulseJointHandle>,
     pub(super) links: [RigidBodyHandle; N_LINKS],
     pub(super) fingers: [RigidBodyHandle; 2],
     pub(super) gripper: GripperState,
-    config: JointConfig,
+    pub(super) config: JointConfig,
 }
 
 impl core::fmt::Debug for World {
@@ -299,9 +299,12 @@ impl World {
 
     /// Names the robot body `index` of [`World::robot_bodies`].
     pub(super) fn robot_body_name(index: usize) -> &'static str {
-        const NAMES: [&str; N_LINKS + 2] =
-            ["base", "link1", "link2", "link3", "link4", "link5", "link6", "link7", "hand", "finger", "finger"];
-        NAMES[index]
+        Self::robot_body_names()[index]
+    }
+
+    /// Names of the robot's frames, then its fingers.
+    pub(super) const fn robot_body_names() -> &'static [&'static str; N_LINKS + 2] {
+        &["base", "link1", "link2", "link3", "link4", "link5", "link6", "link7", "hand", "finger", "finger"]
     }
 
     /// Links that can hit something, hand and fingers, with their indices.

@@ -7,18 +7,21 @@ mod bench;
 mod demo;
 mod eval;
 mod fk;
+mod gallery;
 mod ik;
 mod paths;
 mod placements;
 mod render;
 mod replay;
 mod robots;
+mod scene;
 mod serve;
 mod tasks;
 mod train;
 mod xarm;
 
 use crate::files::FileError;
+use crate::gallery::GalleryError;
 use crate::xarm::client::ClientError;
 use crate::xarm::emulator::EmulatorError;
 use crate::xarm::executor::ExecutionError;
@@ -70,6 +73,10 @@ enum Command {
     Paths(paths::Arguments),
     /// Draw a scene, a demonstration or a recorded episode
     Render(render::Arguments),
+    /// Write the scene of a task to a file
+    Scene(scene::Arguments),
+    /// Draw every task and its demonstration
+    Gallery(gallery::Arguments),
     /// Run a recorded episode again
     Replay(replay::Arguments),
     /// Forward kinematics of the flange
@@ -98,6 +105,8 @@ impl Command {
             Self::Demo(arguments) => print(&demo::run(arguments)?, format),
             Self::Paths(arguments) => print(&paths::run(arguments)?, format),
             Self::Render(arguments) => print(&render::run(arguments)?, format),
+            Self::Scene(arguments) => print(&scene::run(arguments)?, format),
+            Self::Gallery(arguments) => print(&gallery::run(arguments)?, format),
             Self::Replay(arguments) => print(&replay::run(arguments)?, format),
             Self::Fk(arguments) => print(&fk::run(arguments)?, format),
             Self::Ik(arguments) => print(&ik::run(arguments)?, format),
@@ -152,6 +161,9 @@ enum Failure {
     /// A file that cannot be read or written.
     #[error(transparent)]
     File(#[from] FileError),
+    /// A task that cannot be shown.
+    #[error(transparent)]
+    Gallery(#[from] GalleryError),
     /// Arguments that do not go together.
     #[error("{0}")]
     Usage(String),

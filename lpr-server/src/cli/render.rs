@@ -1,19 +1,25 @@
-//! `lpr render`: a picture of a scene; a demonstration or an episode as an animation, with its candidate paths.
+//! `lpr render`: a picture of a scene, or what the camera of an agent sees of it; a demonstration or an episode as an animation,
+//! with its candidate paths.
+
+mod seen;
 
 use super::{Failure, Result, RobotArgument, default_preset, paths};
 use crate::animation;
 use crate::artist::{Artist, BEAUTY, Line, Size};
 use crate::episode::EpisodeFile;
 use crate::images::{self, Shown};
+use crate::moments::{self, Moment};
+use crate::scene_file::SceneFile;
 use core::fmt;
 use lpr_core::env::Environment as _;
 use lpr_core::path::{CandidateStreams, JointPath, Source};
-use lpr_core::perception::CAMERA_NAMES;
+use lpr_core::perception::{CAMERA_NAMES, DepthNoise, IMAGE_SIZE};
 use lpr_core::rng::{Stream, stream};
 use lpr_core::sim::feasibility::{KeyframeSnapshot, keyframe_snapshots};
 use lpr_core::sim::render::Picture;
 use lpr_core::sim::tasks::Task;
-use lpr_core::sim::{SimEnvironment, SimParams, World, demonstrate};
+use lpr_core::sim::{Randomization, Sensing, SimEnvironment, SimParams, World, demonstrate};
+use seen::{Legend, Show};
 use serde::Serialize;
 use std::path::PathBuf;
 
@@ -30,11 +36,14 @@ const FAILURE_RGB: [u8; 3] = [215, 95, 95];
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
     /// The task, one of `lpr tasks`
-    #[arg(value_name = "TASK", value_parser = Task::by_name, required_unless_present = "episode")]
+    #[arg(value_name = "TASK", value_parser = Task::by_name, required_unless_present_any = ["episode", "scene"])]
     task: Option<&'static Task>,
     /// Draw a recorded episode as an animated GIF: the candidates of each step coloured by value, then what ran
     #[arg(long, value_name = "FILE", conflicts_with_all = ["task", "robot", "seed", "demo", "candidates", "keyframe"])]
     episode: Option<PathBuf>,
+    /// Draw the scene of a file that `lpr scene` wrote
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["task", "episode", "robot", "seed", "demo", "candidates", "keyframe"])]
+    scene: Option<PathBuf>,
     #[command(flatten)]
     robot: RobotArgument,
     /// Seed of the scene
@@ -42,7 +51,16 @@ pub(super) struct Arguments {
     seed: u64,
     #[arg(long, value_name = "NAME", value_parser = parse_camera, help = camera_help())]
     camera: Option<String>,
-    /// Width and height, pixels [default: 640x480, of an animation 320x240]
+    /// Draw what an agent's camera sees instead of a picture for people
+    #[arg(long, value_name = "CHANNEL", conflicts_with_all = ["episode", "demo", "candidates"])]
+    show: Option<Show>,
+    /// With --show: the noise, holes and mixed pixels of a depth camera
+    #[arg(long, requires = "show")]
+    noise: bool,
+    /// With --show: other colours, another light, and a camera that stands a little elsewhere
+    #[arg(long, requires = "show")]
+    randomize: bool,
+    /// Width and height, pixels [default: 640x480, of an animation 320x240, with --show 128x128]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<Size>,
     /// Draw the whole scripted demonstration as an animated GIF
@@ -76,6 +94,9 @@ pub(super) struct Report {
     /// Pictures of an animation.
     #[serde(skip_serializing_if = "Option::is_none")]
     frames: Option<usize>,
+    /// With --show.
+    #[serde(flatten)]
+    legend: Option<Legend>,
 }
 
 fn camera_help() -> String {
@@ -104,10 +125,24 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
     if let Some(episode) = &arguments.episode {
         return render_episode(arguments, &EpisodeFile::read(episode)?);
     }
-    let Some(task) = arguments.task else { return Err(Failure::Usage("expected a task or --episode FILE".to_owned())) };
+    let mut env = start(arguments)?;
+    match arguments.show {
+        Some(show) => render_seen(arguments, &mut env, show),
+        None if arguments.demo => render_demo(arguments, &env),
+        None => render_scene(arguments, &env),
+    }
+}
+
+/// The scene that is asked for, at its start.
+fn start(arguments: &Arguments) -> Result<SimEnvironment> {
+    if let Some(scene) = &arguments.scene {
+        return Ok(SceneFile::read(scene)?.start()?);
+    }
+    let Some(task) = arguments.task else {
+        return Err(Failure::Usage("expected a task, --scene FILE or --episode FILE".to_owned()));
+    };
     paths::check_keyframe(task, arguments.keyframe)?;
-    let env = SimEnvironment::new(task, arguments.robot.robot, arguments.seed, &["front"], &SimParams::STANDARD)?;
-    if arguments.demo { render_demo(arguments, &env) } else { render_scene(arguments, &env) }
+    Ok(SimEnvironment::new(task, arguments.robot.robot, arguments.seed, &["front"], &SimParams::STANDARD)?)
 }
 
 fn render_episode(arguments: &Arguments, episode: &EpisodeFile) -> Result<Report> {
@@ -119,7 +154,7 @@ fn render_episode(arguments: &Arguments, episode: &EpisodeFile) -> Result<Report
 
 fn written_gif(arguments: &Arguments, size: Size, pictures: &[Shown]) -> Result<Report> {
     images::write_gif(&arguments.out, size.width, size.height, pictures)?;
-    Ok(Report { file: arguments.out.clone(), width: size.width, height: size.height, frames: Some(pictures.len()) })
+    Ok(Report { file: arguments.out.clone(), width: size.width, height: size.height, frames: Some(pictures.len()), legend: None })
 }
 
 fn render_scene(arguments: &Arguments, env: &SimEnvironment) -> Result<Report> {
@@ -131,8 +166,32 @@ fn render_scene(arguments: &Arguments, env: &SimEnvironment) -> Result<Report> {
         let snapshot = &snapshots(arguments, env)?[arguments.keyframe];
         draw(&mut artist, snapshot.env.world(), &lines(arguments, snapshot, arguments.keyframe))?
     };
-    images::write_png(&arguments.out, size.width.into(), size.height.into(), &picture.rgb)?;
-    Ok(Report { file: arguments.out.clone(), width: size.width, height: size.height, frames: None })
+    written_png(arguments, size, &picture.rgb, None)
+}
+
+fn render_seen(arguments: &Arguments, env: &mut SimEnvironment, show: Show) -> Result<Report> {
+    let side = IMAGE_SIZE as u16;
+    let size = arguments.size.unwrap_or(Size { width: side, height: side });
+    let camera = arguments.camera.as_deref().unwrap_or(CAMERA_NAMES[0]);
+    if camera == BEAUTY {
+        return Err(Failure::Usage(format!(
+            "--camera {BEAUTY}: is no camera of an agent, expected one of {}",
+            CAMERA_NAMES.join(", ")
+        )));
+    }
+    if arguments.keyframe > 0 {
+        *env = snapshots(arguments, env)?.remove(arguments.keyframe).env;
+    }
+    let noise = if arguments.noise { DepthNoise::STRUCTURED_LIGHT } else { DepthNoise::OFF };
+    let randomization = if arguments.randomize { Randomization::MODERATE } else { Randomization::OFF };
+    env.set_sensing(Sensing { noise, randomization }, arguments.seed);
+    let (pixels, legend) = seen::draw(env, show, camera, [size.width.into(), size.height.into()])?;
+    written_png(arguments, size, &pixels, legend)
+}
+
+fn written_png(arguments: &Arguments, size: Size, pixels: &[[u8; 3]], legend: Option<Legend>) -> Result<Report> {
+    images::write_png(&arguments.out, size.width.into(), size.height.into(), pixels)?;
+    Ok(Report { file: arguments.out.clone(), width: size.width, height: size.height, frames: None, legend })
 }
 
 fn render_demo(arguments: &Arguments, env: &SimEnvironment) -> Result<Report> {
@@ -148,10 +207,10 @@ fn render_demo(arguments: &Arguments, env: &SimEnvironment) -> Result<Report> {
     let frames_per_picture = (GIF_PERIOD_MS as f32 / 1000.0 / env.world().params().control_dt).round().max(1.0) as usize;
     let mut artist = Artist::new(arguments.camera.as_deref().unwrap_or(CAMERA_NAMES[0]), size);
     let mut pictures = Vec::new();
-    for idx in (0..demo.frames.len()).step_by(frames_per_picture) {
-        let keyframe = demo.waypoint_frames.partition_point(|&end| end <= idx);
+    for Moment { frame, world } in moments::of(&demo, frames_per_picture) {
+        let keyframe = demo.waypoint_frames.partition_point(|&end| end <= frame);
         let lines = lines.get(keyframe).or(lines.last()).map_or(&[][..], Vec::as_slice);
-        pictures.push(Shown { pixels: draw(&mut artist, &demo.frames[idx], lines)?.rgb, millis: GIF_PERIOD_MS });
+        pictures.push(Shown { pixels: draw(&mut artist, &world, lines)?.rgb, millis: GIF_PERIOD_MS });
     }
     if let Some(last) = pictures.last_mut() {
         last.millis = END_MS;
@@ -220,8 +279,9 @@ fn source_class(source: Source) -> &'static Class {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { file, width, height, frames } = self;
+        let Self { file, width, height, frames, legend } = self;
         write!(f, "{}: {width} x {height}", file.display())?;
-        frames.map_or(Ok(()), |frames| write!(f, ", {frames} pictures"))
+        frames.map_or(Ok(()), |frames| write!(f, ", {frames} pictures"))?;
+        legend.as_ref().map_or(Ok(()), |legend| write!(f, "{legend}"))
     }
 }

@@ -1,10 +1,10 @@
-//! A palette of 256 colours for one picture.
+//! A palette of up to 256 colours for one picture or several.
 //!
 //! The colours of thin lines must survive beside large shaded surfaces: boxes of the colour cube are split where they are wide
 //! rather than where most pixels are, which is where a quantiser that learns from samples puts its colours.
 
-/// Colours of a GIF's palette.
-const N_COLORS: usize = 256;
+/// Most colours of a GIF's palette.
+pub(super) const MAX_COLORS: usize = 256;
 /// Bits of each channel that tell colours apart.
 const BITS: usize = 6;
 const LEVELS: usize = 1 << BITS;
@@ -32,8 +32,8 @@ impl Bin {
     }
 }
 
-/// The picture in at most 256 colours.
-pub(super) fn indexed(pixels: &[[u8; 3]]) -> Indexed {
+/// The picture in at most `n_colors` (up to [`MAX_COLORS`]).
+pub(super) fn indexed(pixels: &[[u8; 3]], n_colors: usize) -> Indexed {
     let mut bins = vec![Bin::default(); LEVELS * LEVELS * LEVELS];
     for rgb in pixels {
         let bin = &mut bins[bin_of(*rgb)];
@@ -46,9 +46,9 @@ pub(super) fn indexed(pixels: &[[u8; 3]]) -> Indexed {
     for (index, bin) in bins.iter().enumerate().filter(|(_, bin)| bin.n_pixels > 0) {
         used.push(Bin { index, ..*bin });
     }
-    let boxes = split(&mut used);
+    let boxes = split(&mut used, n_colors);
     let mut color_of_bin = vec![0_u8; bins.len()];
-    let mut palette = Vec::with_capacity(3 * N_COLORS);
+    let mut palette = Vec::with_capacity(3 * boxes.len());
     for (color, members) in (0_u8..=u8::MAX).zip(&boxes) {
         members.iter().for_each(|bin| color_of_bin[bin.index] = color);
         let n: u64 = members.iter().map(|bin| bin.n_pixels).sum();
@@ -62,10 +62,10 @@ fn bin_of(rgb: [u8; 3]) -> usize {
     level(0) | level(1) << BITS | level(2) << (2 * BITS)
 }
 
-/// Parts of `bins`, at most [`N_COLORS`], none empty.
-fn split(bins: &mut [Bin]) -> Vec<&[Bin]> {
+/// Parts of `bins`, at most `n_colors`, none empty.
+fn split(bins: &mut [Bin], n_colors: usize) -> Vec<&[Bin]> {
     let mut boxes = vec![bins];
-    while boxes.len() < N_COLORS {
+    while boxes.len() < n_colors {
         let widest = (0..boxes.len()).max_by(|&a, &b| width(boxes[a]).1.total_cmp(&width(boxes[b]).1));
         let Some(widest) = widest.filter(|&idx| width(boxes[idx]).1 > 0.0) else { break };
         let members = boxes.swap_remove(widest);
@@ -107,8 +107,8 @@ mod tests {
     #[test]
     fn few_colours_stay_as_they_are() {
         let pixels: Vec<_> = (0..100_u8).map(|idx| [4 * (idx % 10), 8 * (idx / 10), 7]).collect();
-        assert_eq!(shown(&indexed(&pixels)), pixels);
-        assert_eq!(shown(&indexed(&[[1, 2, 3]; 5])), [[1, 2, 3]; 5]);
+        assert_eq!(shown(&indexed(&pixels, MAX_COLORS)), pixels);
+        assert_eq!(shown(&indexed(&[[1, 2, 3]; 5], MAX_COLORS)), [[1, 2, 3]; 5]);
     }
 
     #[test]
@@ -118,7 +118,7 @@ mod tests {
         let mut pixels: Vec<_> = surface.collect();
         let yellow = [250, 220, 30];
         pixels.extend([yellow; 40]);
-        let shown = shown(&indexed(&pixels));
+        let shown = shown(&indexed(&pixels, MAX_COLORS));
         let error = |idx: usize| shown[idx].iter().zip(pixels[idx]).map(|(a, b)| a.abs_diff(b)).max().unwrap();
         assert!((60_000..60_040).all(|idx| error(idx) <= 6), "{:?}", shown[60_000]);
         assert!((0..60_000).all(|idx| error(idx) <= 24), "{}", (0..60_000).map(error).max().unwrap());

@@ -1,5 +1,7 @@
 //! The renderer against ray casting and against identities of the camera.
 
+mod near_plane;
+
 use super::*;
 use crate::robot::PANDA;
 use core::f32::consts::FRAC_PI_6;

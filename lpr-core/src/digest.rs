@@ -4,12 +4,12 @@ const OFFSET: u64 = 0xcbf2_9ce4_8422_2325;
 const PRIME: u64 = 0x0000_0100_0000_01b3;
 
 /// Digest of some bytes.
-pub(super) fn of(bytes: &[u8]) -> u64 {
+pub(crate) fn of(bytes: &[u8]) -> u64 {
     extend(OFFSET, bytes)
 }
 
 /// Digest of bytes that follow those of `digest`.
-pub(super) fn extend(digest: u64, bytes: &[u8]) -> u64 {
+pub(crate) fn extend(digest: u64, bytes: &[u8]) -> u64 {
     bytes.iter().fold(digest, |digest, &byte| (digest ^ u64::from(byte)).wrapping_mul(PRIME))
 }
 

@@ -1,0 +1,262 @@
+//! A world as bytes, from which it goes on bit by bit.
+//!
+//! Magic, version and digest, then in `postcard` the version of rapier, the robot and the state. A snapshot is for the program
+//! that made it and its like: a recorded episode ([`SceneSpec`](super::SceneSpec) and paths) outlives releases of rapier, this does not.
+//!
+//! The digest tells damage, not malice: rapier is not made for a state that someone has forged.
+
+use super::env::SimEnvironment;
+use super::gripper::GripperState;
+use super::params::SimParams;
+use super::physics::Physics;
+use super::scene_spec::SceneSpec;
+use super::world::World;
+use crate::digest;
+use crate::error::{Error, Result};
+use crate::robot::{JointConfig, N_LINKS, Robot};
+use rapier3d::prelude::{ImpulseJointHandle, RigidBodyHandle};
+use std::sync::Arc;
+
+/// The first bytes.
+const MAGIC: &[u8; 8] = b"LPRWORLD";
+/// The layout that this program writes and reads.
+const VERSION: u32 = 1;
+/// Length of magic, version and digest.
+const HEADER: usize = 20;
+
+/// Versions of rapier and names of robots.
+type Origin<'a> = (&'a str, &'a str);
+
+/// What is stored of a [`World`], in this order.
+type State = (
+    SimParams,
+    SceneSpec,
+    Vec<RigidBodyHandle>,
+    Vec<ImpulseJointHandle>,
+    [RigidBodyHandle; N_LINKS],
+    [RigidBodyHandle; 2],
+    GripperState,
+    JointConfig,
+    Physics,
+);
+
+impl World {
+    /// This world as bytes.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Snapshot`] when something of the state has no representation.
+    pub fn to_bytes(&self) -> Result<Vec<u8>> {
+        let Self { physics, params, robot, spec, bodies, joints, links, fingers, gripper, config } = self;
+        let origin: Origin<'_> = (rapier3d::VERSION, robot.name);
+        let state = (params, spec.as_ref(), bodies, joints, links, fingers, gripper, config, physics);
+        let payload = postcard::to_allocvec(&(origin, state)).map_err(|error| Error::Snapshot(error.to_string()))?;
+        let head = [&MAGIC[..], &VERSION.to_le_bytes(), &digest::of(&payload).to_le_bytes()].concat();
+        Ok([head, payload].concat())
+    }
+
+    /// The world that [`Self::to_bytes`] was asked of, with the same `robot`.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Snapshot`] saying which version, rapier or robot it is of, or that it is damaged.
+    pub fn from_bytes(bytes: &[u8], robot: &'static Robot) -> Result<Self> {
+        let payload = checked_payload(bytes)?;
+        let ((rapier, name), state): (Origin<'_>, &[u8]) =
+            postcard::take_from_bytes(payload).map_err(|error| unreadable(&error))?;
+        if rapier != rapier3d::VERSION {
+            return Err(Error::Snapshot(format!("of rapier {rapier}, this program has {}", rapier3d::VERSION)));
+        }
+        if name != robot.name {
+            return Err(Error::Snapshot(format!("of the robot `{name}`, expected `{}`", robot.name)));
+        }
+        let (state, rest) = postcard::take_from_bytes(state).map_err(|error| unreadable(&error))?;
+        if !rest.is_empty() {
+            return Err(Error::Snapshot(format!("has {} bytes too many", rest.len())));
+        }
+        Self::of_state(state, robot)
+    }
+
+    fn of_state(state: State, robot: &'static Robot) -> Result<Self> {
+        let (params, spec, bodies, joints, links, fingers, gripper, config, physics) = state;
+        spec.check().map_err(|error| Error::Snapshot(error.to_string()))?;
+        let handles = || bodies.iter().chain(&links).chain(&fingers);
+        if bodies.len() != spec.bodies.len() || !handles().all(|handle| physics.bodies.contains(*handle)) {
+            return Err(Error::Snapshot("its bodies are not those of its scene".to_owned()));
+        }
+        if joints.len() != spec.joints.len() || !joints.iter().all(|joint| physics.impulse_joints.contains(*joint)) {
+            return Err(Error::Snapshot("its joints are not those of its scene".to_owned()));
+        }
+        Ok(Self { physics, params, robot, spec: Arc::new(spec), bodies, joints, links, fingers, gripper, config })
+    }
+}
+
+impl SimEnvironment {
+    /// This episode with its world as in the snapshot, after `step` macro actions: [`Self::at`] for bytes.
+    ///
+    /// # Errors
+    ///
+    /// As [`World::from_bytes`], and when the snapshot is of another scene.
+    pub fn at_snapshot(&self, bytes: &[u8], step: usize) -> Result<Self> {
+        let world = World::from_bytes(bytes, self.world().robot())?;
+        if world.spec() != self.world().spec() {
+            let task = &world.spec().task;
+            return Err(Error::Snapshot(format!("of another scene than this episode's, of the task `{task}`")));
+        }
+        Ok(self.at(world, step))
+    }
+}
+
+/// What follows the header, if that is ours and the digest fits.
+fn checked_payload(bytes: &[u8]) -> Result<&[u8]> {
+    let Some((head, payload)) = bytes.split_at_checked(HEADER) else {
+        return Err(Error::Snapshot(format!("has {} bytes, expected at least {HEADER}", bytes.len())));
+    };
+    let (magic, rest) = head.split_at(MAGIC.len());
+    if magic != MAGIC {
+        return Err(Error::Snapshot("is no snapshot of a world".to_owned()));
+    }
+    let (version, stored) = rest.split_at(size_of::<u32>());
+    if version != VERSION.to_le_bytes() {
+        let version = version.iter().rev().fold(0_u32, |value, byte| (value << 8) | u32::from(*byte));
+        return Err(Error::Snapshot(format!("version {version} is unknown, this program reads version {VERSION}")));
+    }
+    if stored != digest::of(payload).to_le_bytes() {
+        return Err(Error::Snapshot("is damaged: its digest does not fit".to_owned()));
+    }
+    Ok(payload)
+}
+
+fn unreadable(error: &postcard::Error) -> Error {
+    Error::Snapshot(format!("cannot be read: {error}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::{Stream, stream};
+    use crate::robot::{Gripper, PANDA, ROBOTS, XARM7};
+    use crate::sim::tasks::Task;
+    use crate::sim::{Holding, demonstrate};
+    use glamx::Vec3;
+    use proptest::prelude::{any, prop, prop_assert, proptest};
+    use std::sync::LazyLock;
+
+    fn environment(task: &str, robot: &'static Robot) -> SimEnvironment {
+        let task = Task::by_name(task).expect("a task");
+        SimEnvironment::new(task, robot, 2, &["front"], &SimParams::STANDARD).expect("a scene")
+    }
+
+    /// The world after every control step of a demonstration.
+    fn frames(task: &str, robot: &'static Robot) -> Vec<World> {
+        demonstrate(&mut environment(task, robot), &mut stream(2, Stream::Demo, 0)).frames
+    }
+
+    /// A snapshot of a world whose gripper is just closing on something.
+    fn snapshot() -> &'static [u8] {
+        static SNAPSHOT: LazyLock<Vec<u8>> = LazyLock::new(|| {
+            let mut world = environment("take_lid_off_saucepan", &XARM7).world().clone();
+            world.command_gripper(Gripper::Close);
+            let config = *world.config();
+            (0..7).for_each(|_| world.step(&config).expect("a step of an arm that stands still"));
+            world.to_bytes().expect("bytes")
+        });
+        &SNAPSHOT
+    }
+
+    fn refusal(bytes: &[u8], robot: &'static Robot) -> String {
+        World::from_bytes(bytes, robot).expect_err("refused").to_string()
+    }
+
+    /// One step of an arm that goes up at 0.1 m/s and lets go on the way.
+    fn lift(world: &mut World, step: usize) {
+        if step == 120 {
+            world.command_gripper(Gripper::Open);
+        }
+        let mut grip = world.robot().grip(world.config());
+        grip.translation += Vec3::Z * 0.001;
+        let config = world.robot().ik_step(&grip, world.config()).unwrap_or(*world.config());
+        // What a pull may end in is the same in both worlds.
+        let _ = world.step(&config);
+    }
+
+    #[test]
+    fn a_restored_world_goes_on_bit_for_bit_with_its_grasp() {
+        for (task, robot) in ROBOTS.into_iter().flat_map(|robot| [("take_lid_off_saucepan", robot), ("open_drawer", robot)]) {
+            let frames = frames(task, robot);
+            let held = frames.iter().find(|world| world.holding() != Holding::Nothing).expect("something is held");
+            let mut original = held.clone();
+            let mut restored = World::from_bytes(&original.to_bytes().expect("bytes"), robot).expect("a world");
+            assert_eq!((restored.holding(), restored.hash()), (original.holding(), original.hash()));
+            for step in 0..200 {
+                lift(&mut original, step);
+                lift(&mut restored, step);
+                assert_eq!(restored.hash(), original.hash(), "{task} with {}: step {step}", robot.name);
+            }
+            assert_eq!(restored.holding(), original.holding());
+        }
+    }
+
+    #[test]
+    fn a_restored_world_gives_the_same_bytes() {
+        let world = World::from_bytes(snapshot(), &XARM7).expect("a world");
+        assert_eq!(world.to_bytes().expect("bytes"), snapshot());
+    }
+
+    #[test]
+    fn a_grasp_restored_half_way_ends_as_it_would_have() {
+        let close = |mut world: World| {
+            let config = *world.config();
+            (0..200).for_each(|_| world.step(&config).expect("a step of an arm that stands still"));
+            world.hash()
+        };
+        let world = World::from_bytes(snapshot(), &XARM7).expect("a world");
+        assert_eq!(close(World::from_bytes(snapshot(), &XARM7).expect("a world")), close(world.clone()));
+        assert_ne!(close(world.clone()), world.hash());
+    }
+
+    #[test]
+    fn what_it_is_not_of_is_named() {
+        assert_eq!(refusal(snapshot(), &PANDA), "snapshot: of the robot `xarm7`, expected `panda`");
+        let mut other = snapshot().to_vec();
+        other[8] = 7;
+        assert_eq!(refusal(&other, &XARM7), "snapshot: version 7 is unknown, this program reads version 1");
+        assert!(refusal(b"PK\x03\x04 something else entirely", &XARM7).contains("no snapshot"));
+        assert!(refusal(b"LPR", &XARM7).contains("3 bytes"));
+        let payload = postcard::to_allocvec(&("0.35.2", "xarm7")).expect("bytes");
+        let error = refusal(&with_header(&payload), &XARM7);
+        assert_eq!(error, format!("snapshot: of rapier 0.35.2, this program has {}", rapier3d::VERSION));
+    }
+
+    #[test]
+    fn an_episode_takes_a_snapshot_of_its_own_scene_only() {
+        let env = environment("take_lid_off_saucepan", &XARM7);
+        let there = env.at_snapshot(snapshot(), 1).expect("its own scene");
+        assert_eq!((there.steps_done(), there.world().to_bytes().expect("bytes").as_slice()), (1, snapshot()));
+        let error = environment("reach_target", &XARM7).at_snapshot(snapshot(), 1).expect_err("of another scene").to_string();
+        assert!(error.contains("another scene") && error.contains("take_lid_off_saucepan"), "{error}");
+    }
+
+    fn with_header(payload: &[u8]) -> Vec<u8> {
+        [&MAGIC[..], &VERSION.to_le_bytes(), &digest::of(payload).to_le_bytes(), payload].concat()
+    }
+
+    proptest! {
+        #[test]
+        fn damage_is_refused(place in any::<prop::sample::Index>(), flip in 1_u8.., cut in any::<prop::sample::Index>()) {
+            let mut flipped = snapshot().to_vec();
+            let place = place.index(flipped.len());
+            flipped[place] ^= flip;
+            prop_assert!(World::from_bytes(&flipped, &XARM7).is_err());
+            prop_assert!(World::from_bytes(&snapshot()[..cut.index(snapshot().len())], &XARM7).is_err());
+        }
+
+        #[test]
+        fn any_bytes_are_refused(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
+            prop_assert!(World::from_bytes(&bytes, &XARM7).is_err());
+            prop_assert!(World::from_bytes(&with_header(&bytes), &XARM7).is_err());
+            let origin = postcard::to_allocvec(&(rapier3d::VERSION, "xarm7")).expect("bytes");
+            prop_assert!(World::from_bytes(&with_header(&[origin, bytes].concat()), &XARM7).is_err());
+        }
+    }
+}
