@@ -31,15 +31,15 @@ const HINGE: Vec3 = Vec3::new(-0.007, 0.0, 0.06);
 /// Friction of the hinge, N·m: a little more than the door's weight.
 const BRAKE: f32 = 0.32;
 /// The handle's bar: where its axis is, its radius and length.
-const BAR: [f32; 3] = [-0.050, 0.0, 0.285];
+const BAR: [f32; 3] = [-0.062, 0.0, 0.285];
 const BAR_RADIUS: f32 = 0.006;
 const BAR_LENGTH: f32 = 0.12;
 /// Opening at which the task is done, and at which the demonstrator stops, radians.
 const OPEN: f32 = 60_f32.to_radians();
 const DEMONSTRATED: f32 = 66_f32.to_radians();
 /// The hand looks this far down when it takes the bar, degrees; while the door opens it turns less than the door, and the bar in it.
-const HAND_PITCH: f32 = 65.0;
-const HAND_TURN: f32 = 30_f32.to_radians();
+const HAND_PITCH: f32 = 30.0;
+const HAND_TURN: f32 = 10_f32.to_radians();
 /// How far from the bar the hand begins, metres.
 const APPROACH: f32 = 0.08;
 

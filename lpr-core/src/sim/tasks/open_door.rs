@@ -15,7 +15,7 @@ pub(super) static OPEN_DOOR: Task = Task {
     goal: "turn the lever and push the door open",
     variations: &[],
     keyframes: 4,
-    placement: Placement { center: Vec2::new(0.0, 0.0), half_range: Vec2::new(0.05, 0.10), max_yaw: FRAC_PI_4 },
+    placement: Placement { center: Vec2::new(0.05, 0.0), half_range: Vec2::new(0.05, 0.10), max_yaw: FRAC_PI_4 },
     build,
 };
 
@@ -44,7 +44,7 @@ const DEMONSTRATED: f32 = 28_f32.to_radians();
 /// Where the lever is held, from its axle along -y, metres.
 const HOLD: f32 = 0.08;
 /// How far from the lever the hand begins, metres.
-const APPROACH: f32 = 0.08;
+const APPROACH: f32 = 0.10;
 
 const PAINT: [u8; 3] = [206, 196, 178];
 const FRAME: [u8; 3] = [120, 96, 74];

@@ -15,7 +15,7 @@ pub(super) static OPEN_MICROWAVE: Task = Task {
     goal: "open the microwave",
     variations: &[],
     keyframes: 3,
-    placement: Placement { center: Vec2::new(0.0, 0.0), half_range: Vec2::new(0.05, 0.05), max_yaw: FRAC_PI_8 },
+    placement: Placement { center: Vec2::new(-0.03, 0.04), half_range: Vec2::new(0.05, 0.05), max_yaw: FRAC_PI_8 },
     build,
 };
 
