@@ -12,4 +12,5 @@ mod page;
 mod runs;
 mod serve;
 mod server;
+mod world_hash;
 mod xarm;

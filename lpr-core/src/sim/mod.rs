@@ -2,8 +2,10 @@
 
 mod arm;
 mod contact;
+mod control;
 mod demonstrator;
 mod env;
+mod fallen;
 pub mod feasibility;
 mod gripper;
 mod params;
@@ -13,12 +15,17 @@ mod placement;
 pub mod recording;
 pub mod render;
 mod scene_spec;
+mod sweep;
 pub mod tasks;
+mod vector;
 mod world;
 
+pub use control::ControlAction;
 pub use demonstrator::{DemoPlan, Demonstration, demonstrate};
 pub use env::SimEnvironment;
 pub use params::SimParams;
 pub use placement::{PlacedTask, place};
 pub use scene_spec::{BodyKind, BodySpec, Condition, JointKind, JointSpec, SceneSpec, Zone};
+pub use sweep::ArmSweep;
+pub use vector::{MacroAction, VectorEnvironment};
 pub use world::{Holding, World};

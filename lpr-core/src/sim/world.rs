@@ -97,6 +97,7 @@ impl World {
             self.physics.bodies[*finger].set_next_kinematic_position(pose);
         }
         self.physics.step();
+        self.rest_fallen();
         self.update_grasp();
         self.check_penetration()?;
         self.check_forces()
