@@ -76,7 +76,7 @@ def arm():
 
 
 def boxes():
-    places = [(0.4 + 0.06 * (idx % 5), 0.2 + 0.06 * (idx // 5), 0.02) for idx in range(10)]
+    places = [(0.3 + 0.1 * (idx % 5), 0.15 + 0.1 * (idx // 5), 0.02) for idx in range(10)]
     return "".join(
         f'<body pos="{numbers(place)}"><freejoint/><geom class="scene" type="box" size="0.02 0.02 0.02" mass="0.1"/></body>' for place in places
     )

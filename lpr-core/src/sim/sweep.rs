@@ -15,6 +15,8 @@ use std::sync::Arc;
 const BOXES: usize = 10;
 /// Half a side of a box, metres.
 const HALF_SIDE: f32 = 0.02;
+/// From one box to the next along x and y, metres: each lies alone.
+const SPACING: f32 = 0.1;
 /// Angular frequency of the sweep, rad/s.
 const FREQUENCY: f32 = 2.0;
 /// Amplitude of every joint, radians: the arm turns to and fro and nods, above the boxes.
@@ -71,7 +73,7 @@ fn ten_boxes() -> SceneSpec {
         mass,
         friction: 0.5,
     };
-    let place = |idx: usize| Vec3::new(0.4 + 0.06 * (idx % 5) as f32, 0.2 + 0.06 * (idx / 5) as f32, HALF_SIDE);
+    let place = |idx: usize| Vec3::new(0.3 + SPACING * (idx % 5) as f32, 0.15 + SPACING * (idx / 5) as f32, HALF_SIDE);
     let boxes = (0..BOXES).map(|idx| body(format!("box{idx}"), BodyKind::Dynamic, place(idx), Vec3::splat(HALF_SIDE), 0.1));
     let table = body("table".to_owned(), BodyKind::Fixed, Vec3::new(0.45, 0.0, -0.02), Vec3::new(0.75, 0.85, 0.02), 0.0);
     SceneSpec { task: "boxes".to_owned(), bodies: boxes.chain([table]).collect(), joints: Vec::new(), success: Vec::new() }
