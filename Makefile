@@ -2,7 +2,7 @@
 # set would build all of burn once more. lpr-wasm/build.sh builds without it.
 ALL := --locked --workspace --features lpr-core/ndarray
 
-.PHONY: check fmt lint doc page gallery test test-doc tools faults
+.PHONY: check fmt lint doc page gallery test test-doc tools faults bench-wasm
 
 check: fmt lint doc page test test-doc
 
@@ -29,6 +29,12 @@ tools:
 
 test-doc:
 	cargo test $(ALL) --doc
+
+# Physics in wasm beside native code, measured in turn.
+bench-wasm:
+	lpr-wasm/build.sh
+	cargo build --release --locked
+	node tests/node/bench.mjs target/release/lpr
 
 # The demo page, in www/dist: `lpr serve` serves it from there.
 page: www/node_modules

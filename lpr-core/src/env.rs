@@ -32,7 +32,7 @@ pub trait Environment {
     fn demonstrated_goal(&self) -> Option<NextBestPose>;
 }
 
-/// Why a macro action ended early: a value with a reason that users see.
+/// Why an action ended early: a value with a reason that users see.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum InvalidAction {
     /// A link was pushed into a fixed body.
@@ -49,13 +49,18 @@ pub enum InvalidAction {
         /// The force, newtons.
         newtons: f32,
     },
-    /// The path asks a joint for more than its velocity limit.
+    /// A joint is asked for more than its velocity limit.
     JointSpeed {
         /// Joint index.
         joint: usize,
     },
     /// The path leaves the joint limits.
     OutsideLimits,
+    /// The path takes longer than any task needs.
+    TooLong {
+        /// How long it would take, seconds.
+        seconds: f32,
+    },
     /// The path does not start where the arm is.
     StartMismatch,
     /// No candidate path exists for the pose.
@@ -71,6 +76,7 @@ impl InvalidAction {
             Self::Force { .. } => "force",
             Self::JointSpeed { .. } => "joint_speed",
             Self::OutsideLimits => "outside_limits",
+            Self::TooLong { .. } => "too_long",
             Self::StartMismatch => "start_mismatch",
             Self::NoPath => "no_path",
         }
@@ -84,13 +90,14 @@ impl fmt::Display for InvalidAction {
             Self::Force { link, newtons } => write!(f, "{link} pressed with {newtons:.0} N"),
             Self::JointSpeed { joint } => write!(f, "joint {} exceeded its velocity limit", joint + 1),
             Self::OutsideLimits => f.write_str("the path leaves the joint limits"),
+            Self::TooLong { seconds } => write!(f, "the path takes {seconds:.0} s"),
             Self::StartMismatch => f.write_str("the path does not start where the arm is"),
             Self::NoPath => f.write_str("no candidate path reaches the pose"),
         }
     }
 }
 
-/// What a macro action led to.
+/// What an action led to.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StepResult {
     /// 1 when the task is done, else 0.

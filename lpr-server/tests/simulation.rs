@@ -217,6 +217,6 @@ fn benchmarks_have_their_names_and_threads() {
         assert!(row["runs"].as_u64() >= Some(5) && row["min_ms"].as_f64() > Some(0.0), "{row}");
         assert!(row["min_ms"].as_f64() <= row["median_ms"].as_f64(), "{row}");
     }
-    assert!(lpr_error(&["bench", "coffee"], 2).contains("networks, simulation, planning, candidates"));
+    assert!(lpr_error(&["bench", "coffee"], 2).contains("networks, simulation, resets, planning, candidates"));
     assert!(lpr_error(&["bench", "planning", "--threads", "0"], 2).contains("1..=1024"));
 }

@@ -1,8 +1,9 @@
 //! What the demo page calls: a thin wasm-bindgen shell over [`lpr_core`].
 //!
-//! Everything that it does is in [`demo`], plain Rust that is tested natively; the shell turns values into what JavaScript
-//! takes: typed arrays for poses, JSON for the rest.
+//! Everything that it does is in [`demo`] and, for tests, in [`check`], plain Rust that is tested natively; the shell turns values
+//! into what JavaScript takes: typed arrays for poses, JSON for the rest.
 
+pub mod check;
 pub mod demo;
 pub mod plan;
 pub mod scene;
@@ -151,6 +152,43 @@ impl Picture {
     #[wasm_bindgen(getter)]
     pub fn height(&self) -> usize {
         self.size[1]
+    }
+}
+
+/// [`check::demonstration_hash`].
+///
+/// # Errors
+///
+/// As there.
+#[wasm_bindgen]
+pub fn demonstration_hash(task: &str, robot: &str, seed: u32) -> Result<String, JsError> {
+    Ok(check::demonstration_hash(task, robot, u64::from(seed))?)
+}
+
+/// [`check::PhysicsBench`].
+#[derive(Debug)]
+#[wasm_bindgen]
+pub struct PhysicsBench(check::PhysicsBench);
+
+#[wasm_bindgen]
+impl PhysicsBench {
+    /// [`check::PhysicsBench::new`].
+    ///
+    /// # Errors
+    ///
+    /// As there.
+    #[wasm_bindgen(constructor)]
+    pub fn new() -> Result<Self, JsError> {
+        Ok(Self(check::PhysicsBench::new()?))
+    }
+
+    /// [`check::PhysicsBench::run`].
+    ///
+    /// # Errors
+    ///
+    /// As there.
+    pub fn run(&mut self, n_steps: u32) -> Result<String, JsError> {
+        Ok(self.0.run(n_steps)?)
     }
 }
 

@@ -13,4 +13,5 @@ mod runs;
 mod scenes;
 mod serve;
 mod server;
+mod world_hash;
 mod xarm;

@@ -42,12 +42,20 @@ impl Robot {
     /// `world_from_frame` of base, links 1–7 and hand (the flange).
     #[must_use]
     pub fn link_frames(&self, config: &JointConfig) -> [Pose3; N_LINKS] {
+        self.link_frames_and_grip(config).0
+    }
+
+    /// [`Self::link_frames`] and [`Self::grip`] together: both follow from the joints' frames.
+    #[must_use]
+    pub fn link_frames_and_grip(&self, config: &JointConfig) -> ([Pose3; N_LINKS], Pose3) {
         let joint_frames = self.joint_frames(config);
-        core::array::from_fn(|frame| match frame {
+        let flange = joint_frames[DOF - 1] * self.link7_from_flange;
+        let frames = core::array::from_fn(|frame| match frame {
             0 => Pose3::IDENTITY,
-            HAND => Pose3::from(joint_frames[DOF - 1] * self.link7_from_flange),
+            HAND => Pose3::from(flange),
             link => Pose3::from(joint_frames[link - 1]),
-        })
+        });
+        (frames, Pose3::from(flange * self.flange_from_grip))
     }
 
     /// `world_from_flange` in f64.

@@ -1,12 +1,13 @@
 //! What ends an episode: the arm inside a fixed body, or pressed against something harder than a real arm would.
 
-use super::scene_spec::BodyKind;
+use super::physics::Physics;
+use super::scene_spec::{BodyKind, SceneSpec};
 use super::world::World;
 use crate::env::InvalidAction;
 use glamx::Vec3;
-use rapier3d::parry::bounding_volume::BoundingVolume as _;
+use rapier3d::parry::bounding_volume::{Aabb, BoundingVolume as _};
 use rapier3d::parry::query::contact;
-use rapier3d::prelude::{ColliderHandle, RigidBodyHandle};
+use rapier3d::prelude::{Collider, ColliderHandle, RigidBodyHandle};
 
 impl World {
     /// Contact force on a robot body: the magnitude of the sum over its contacts, newtons.
@@ -43,27 +44,44 @@ impl World {
     /// No link may be inside a fixed body: rapier lets kinematic bodies pass through them.
     pub(super) fn check_penetration(&self) -> Result<(), InvalidAction> {
         for (idx, link) in self.robot_bodies() {
-            for link_collider in self.physics.colliders_of(link) {
-                for (body, spec) in self.spec().bodies.iter().enumerate() {
-                    if spec.kind == BodyKind::Fixed && self.penetrates(*link_collider, self.bodies[body]) {
-                        return Err(InvalidAction::Collision { link: Self::robot_body_name(idx), body });
-                    }
+            for collider in self.physics.colliders_of(link) {
+                if let Some(body) = self.penetrated_by(&self.physics.colliders[*collider]) {
+                    return Err(InvalidAction::Collision { link: Self::robot_body_name(idx), body });
                 }
             }
         }
         Ok(())
     }
 
-    fn penetrates(&self, link_collider: ColliderHandle, body: RigidBodyHandle) -> bool {
-        let link = &self.physics.colliders[link_collider];
+    /// The first fixed body that `link` is inside of.
+    fn penetrated_by(&self, link: &Collider) -> Option<usize> {
         let link_aabb = link.compute_aabb();
-        self.physics.colliders_of(body).iter().any(|handle| {
-            let fixed = &self.physics.colliders[*handle];
-            if !fixed.compute_aabb().intersects(&link_aabb) {
-                return false;
-            }
-            let found = contact(link.position(), link.shape(), fixed.position(), fixed.shape(), 0.0);
-            matches!(found, Ok(Some(contact)) if contact.dist < -self.params.abort_penetration)
-        })
+        let mut near = self.fixed.iter().filter(|part| part.aabb.intersects(&link_aabb));
+        near.find(|part| self.penetrates(link, part)).map(|part| part.body)
     }
+
+    fn penetrates(&self, link: &Collider, part: &FixedPart) -> bool {
+        let fixed = &self.physics.colliders[part.collider];
+        let found = contact(link.position(), link.shape(), fixed.position(), fixed.shape(), 0.0);
+        matches!(found, Ok(Some(contact)) if contact.dist < -self.params.abort_penetration)
+    }
+}
+
+/// A collider of a fixed body.
+#[derive(Clone, Copy)]
+pub(super) struct FixedPart {
+    body: usize,
+    collider: ColliderHandle,
+    /// In the world. Kept, since it never changes, and since that of a cylinder or a hull costs more than all else here.
+    aabb: Aabb,
+}
+
+/// Colliders of the fixed bodies of a scene, in their order.
+pub(super) fn fixed_parts(spec: &SceneSpec, physics: &Physics, bodies: &[RigidBodyHandle]) -> Vec<FixedPart> {
+    let fixed = bodies.iter().enumerate().filter(|(body, _)| spec.bodies[*body].kind == BodyKind::Fixed);
+    let parts = |(body, handle): (usize, &RigidBodyHandle)| {
+        let part = move |collider| FixedPart { body, collider, aabb: physics.colliders[collider].compute_aabb() };
+        physics.colliders_of(*handle).iter().copied().map(part)
+    };
+    fixed.flat_map(parts).collect()
 }

@@ -22,6 +22,8 @@ use std::sync::Arc;
 const SETTLE_STEPS: usize = 10;
 /// Longest time a gripper command may take, seconds: fingers that meet an object off their middle push it along slowly.
 const GRIPPER_TIMEOUT_SECS: f32 = 5.0;
+/// Longest motion, seconds: a path of many turns would run for hours.
+const MOTION_TIMEOUT_SECS: f64 = 120.0;
 /// A path must start this close to where the arm is, radians in every joint.
 const START_TOLERANCE: f32 = 1e-3;
 
@@ -247,6 +249,9 @@ impl SimEnvironment {
             return Err(InvalidAction::OutsideLimits);
         }
         let timed = TimedPath::new(path.clone(), self.robot, &self.timing).expect("the environment's timing is positive");
+        if timed.duration_secs() > MOTION_TIMEOUT_SECS {
+            return Err(InvalidAction::TooLong { seconds: timed.duration_secs() as f32 });
+        }
         let dt = f64::from(self.params.dt);
         let steps = libm::ceil(timed.duration_secs() / dt) as usize;
         let per_control = self.params.steps_per_control();

@@ -2,8 +2,10 @@
 
 mod arm;
 mod contact;
+mod control;
 mod demonstrator;
 mod env;
+mod fallen;
 pub mod feasibility;
 #[cfg(test)]
 mod grasps;
@@ -18,9 +20,12 @@ pub mod recording;
 pub mod render;
 mod scene_spec;
 mod snapshot;
+mod sweep;
 pub mod tasks;
+mod vector;
 mod world;
 
+pub use control::ControlAction;
 pub use demonstrator::{DemoPlan, Demonstration, demonstrate};
 pub use env::SimEnvironment;
 pub use observing::{CameraRequest, Seen};
@@ -28,4 +33,6 @@ pub use params::SimParams;
 pub use placement::{PlacedTask, Rejected, place};
 pub use randomization::{Randomization, Sensing};
 pub use scene_spec::{BodyKind, BodySpec, Condition, JointKind, JointSpec, Latch, SceneSpec, Zone};
+pub use sweep::ArmSweep;
+pub use vector::{MacroAction, VectorEnvironment};
 pub use world::{Holding, World};

@@ -5,6 +5,7 @@
 //!
 //! The digest tells damage, not malice: rapier is not made for a state that someone has forged.
 
+use super::contact::fixed_parts;
 use super::env::SimEnvironment;
 use super::gripper::GripperState;
 use super::params::SimParams;
@@ -47,7 +48,7 @@ impl World {
     ///
     /// [`Error::Snapshot`] when something of the state has no representation.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
-        let Self { physics, params, robot, spec, bodies, joints, links, fingers, gripper, config } = self;
+        let Self { physics, params, robot, spec, bodies, joints, fixed: _, links, fingers, gripper, config } = self;
         let origin: Origin<'_> = (rapier3d::VERSION, robot.name);
         let state = (params, spec.as_ref(), bodies, joints, links, fingers, gripper, config, physics);
         let payload = postcard::to_allocvec(&(origin, state)).map_err(|error| Error::Snapshot(error.to_string()))?;
@@ -87,7 +88,8 @@ impl World {
         if joints.len() != spec.joints.len() || !joints.iter().all(|joint| physics.impulse_joints.contains(*joint)) {
             return Err(Error::Snapshot("its joints are not those of its scene".to_owned()));
         }
-        Ok(Self { physics, params, robot, spec: Arc::new(spec), bodies, joints, links, fingers, gripper, config })
+        let fixed = fixed_parts(&spec, &physics, &bodies).into();
+        Ok(Self { physics, params, robot, spec: Arc::new(spec), bodies, joints, fixed, links, fingers, gripper, config })
     }
 }
 

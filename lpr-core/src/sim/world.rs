@@ -1,6 +1,7 @@
 //! The simulated world: rapier bodies for a scene, a kinematic arm and a force-stopped gripper.
 
 use super::arm::link_parts;
+use super::contact::{FixedPart, fixed_parts};
 use super::gripper::{GripperState, finger_parts, finger_poses};
 use super::params::SimParams;
 use super::physics::{Latched, Physics};
@@ -30,6 +31,7 @@ pub struct World {
     pub(super) spec: Arc<SceneSpec>,
     pub(super) bodies: Vec<RigidBodyHandle>,
     pub(super) joints: Vec<ImpulseJointHandle>,
+    pub(super) fixed: Arc<[FixedPart]>,
     pub(super) links: [RigidBodyHandle; N_LINKS],
     pub(super) fingers: [RigidBodyHandle; 2],
     pub(super) gripper: GripperState,
@@ -60,6 +62,7 @@ impl World {
             }
             joints.push(physics.insert_joint(joint, [*parent, *child], params));
         }
+        let fixed = fixed_parts(&spec, &physics, &bodies).into();
         let frames = robot.link_frames(&config);
         let links = core::array::from_fn(|link| {
             let parts = link_parts(robot, link);
@@ -78,6 +81,7 @@ impl World {
             spec,
             bodies,
             joints,
+            fixed,
             links,
             fingers,
             gripper: GripperState::open(&robot.gripper),
@@ -94,16 +98,17 @@ impl World {
         self.check_speed(config)?;
         self.config = *config;
         self.gripper.advance(&self.params, &self.robot.gripper);
-        let frames = self.robot.link_frames(config);
+        let (frames, grip) = self.robot.link_frames_and_grip(config);
         for (link, frame) in self.links.iter().zip(frames) {
             self.physics.bodies[*link].set_next_kinematic_position(frame);
         }
-        let fingers = finger_poses(&self.robot.grip(config), self.gripper.width, self.gripper.offset);
+        let fingers = finger_poses(&grip, self.gripper.width, self.gripper.offset);
         for (finger, pose) in self.fingers.iter().zip(fingers) {
             self.physics.bodies[*finger].set_next_kinematic_position(pose);
         }
         self.update_latches();
         self.physics.step();
+        self.rest_fallen();
         self.update_grasp();
         self.check_penetration()?;
         self.check_forces()
@@ -268,8 +273,9 @@ impl World {
     /// Poses of arm, hand and fingers if the arm stood at `config`, in the order of [`World::robot_items`].
     #[must_use]
     pub fn robot_poses_at(&self, config: &JointConfig) -> Vec<Pose3> {
-        let fingers = finger_poses(&self.robot.grip(config), self.gripper.width, self.gripper.offset);
-        self.robot.link_frames(config).into_iter().chain(fingers).collect()
+        let (frames, grip) = self.robot.link_frames_and_grip(config);
+        let fingers = finger_poses(&grip, self.gripper.width, self.gripper.offset);
+        frames.into_iter().chain(fingers).collect()
     }
 
     /// Arm, hand and fingers with their poses now.

@@ -2,6 +2,7 @@
 
 mod networks;
 mod planning;
+mod resets;
 mod simulation;
 
 use super::{Failure, Result, default_preset};
@@ -14,6 +15,7 @@ use lpr_core::robot::XARM7;
 use lpr_core::sim::SimEnvironment;
 use lpr_core::sim::tasks::Task;
 use serde::Serialize;
+use std::borrow::Cow;
 use std::hint::black_box;
 use std::time::Instant;
 
@@ -38,6 +40,7 @@ pub(super) struct Arguments {
 enum Subject {
     Networks,
     Simulation,
+    Resets,
     Planning,
     Candidates,
 }
@@ -49,7 +52,7 @@ pub(super) struct Report {
 
 #[derive(Debug, Serialize)]
 struct Row {
-    name: &'static str,
+    name: Cow<'static, str>,
     threads: usize,
     median_ms: f64,
     min_ms: f64,
@@ -64,6 +67,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
     let results = match arguments.subject {
         Subject::Networks => networks::run()?,
         Subject::Simulation => simulation::run()?,
+        Subject::Resets => resets::run()?,
         Subject::Planning => planning::run()?,
         Subject::Candidates => vec![candidates()?],
     };
@@ -71,7 +75,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
 }
 
 /// Times `run`, whose result keeps it from being optimised away.
-fn measure<T>(name: &'static str, mut run: impl FnMut() -> T) -> Row {
+fn measure<T>(name: impl Into<Cow<'static, str>>, mut run: impl FnMut() -> T) -> Row {
     black_box(run());
     let begin = Instant::now();
     let mut millis = Vec::new();
@@ -82,7 +86,14 @@ fn measure<T>(name: &'static str, mut run: impl FnMut() -> T) -> Row {
     }
     millis.sort_by(f64::total_cmp);
     let (median_ms, min_ms) = (millis[millis.len() / 2], millis[0]);
-    Row { name, threads: rayon::current_num_threads(), median_ms, min_ms, runs: millis.len() }
+    Row { name: name.into(), threads: rayon::current_num_threads(), median_ms, min_ms, runs: millis.len() }
+}
+
+impl Row {
+    /// The same for one of `n` equal parts of a run: what is too short for the clock is measured in many.
+    fn per(self, n: usize) -> Self {
+        Self { median_ms: self.median_ms / n as f64, min_ms: self.min_ms / n as f64, ..self }
+    }
 }
 
 /// The scene that is planned, simulated and looked at.
@@ -116,9 +127,9 @@ fn candidates() -> Result<Row> {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{:<22} {:>7} {:>12} {:>12} {:>6}", "name", "threads", "median ms", "least ms", "runs")?;
+        writeln!(f, "{:<40} {:>7} {:>12} {:>12} {:>6}", "name", "threads", "median ms", "least ms", "runs")?;
         self.results.iter().try_for_each(|Row { name, threads, median_ms, min_ms, runs }| {
-            writeln!(f, "{name:<22} {threads:>7} {median_ms:>12.4} {min_ms:>12.4} {runs:>6}")
+            writeln!(f, "{name:<40} {threads:>7} {median_ms:>12.4} {min_ms:>12.4} {runs:>6}")
         })
     }
 }

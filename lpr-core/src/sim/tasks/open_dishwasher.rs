@@ -17,7 +17,7 @@ pub(super) static OPEN_DISHWASHER: Task = Task {
     goal: "open the dishwasher",
     variations: &[],
     keyframes: 3,
-    placement: Placement { center: Vec2::new(0.22, 0.0), half_range: Vec2::ZERO, max_yaw: 0.0 },
+    placement: Placement { center: Vec2::new(0.15, 0.15), half_range: Vec2::ZERO, max_yaw: 0.0 },
     build,
 };
 

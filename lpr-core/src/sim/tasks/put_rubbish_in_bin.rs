@@ -17,7 +17,7 @@ pub(super) static PUT_RUBBISH_IN_BIN: Task = Task {
     goal: "put the rubbish in the bin",
     variations: &[],
     keyframes: 4,
-    placement: Placement { center: Vec2::ZERO, half_range: Vec2::new(0.08, 0.08), max_yaw: PI },
+    placement: Placement { center: Vec2::new(-0.05, 0.10), half_range: Vec2::new(0.06, 0.06), max_yaw: PI },
     build,
 };
 

@@ -2,87 +2,95 @@
 
 use super::{Row, default_preset, environment, measure};
 use crate::cli::Result;
+use lpr_core::config::Config;
 use lpr_core::env::Environment as _;
-use lpr_core::glamx::{Pose3, Vec3};
+use lpr_core::glamx::Pose3;
 use lpr_core::perception::Camera;
-use lpr_core::robot::XARM7;
-use lpr_core::scene::{Part, Shape};
+use lpr_core::robot::{Gripper, PANDA, Robot, XARM7};
 use lpr_core::sim::render::{Detail, Renderer};
-use lpr_core::sim::{BodyKind, BodySpec, SceneSpec, SimEnvironment, SimParams, World};
-use std::sync::Arc;
+use lpr_core::sim::tasks::Task;
+use lpr_core::sim::{ArmSweep, ControlAction, SimEnvironment, SimParams, VectorEnvironment};
 
-/// Objects that lie on the table.
-const OBJECTS: usize = 10;
-/// Physics steps for which nothing that has just been placed is at rest long enough to fall asleep.
-const AWAKE_STEPS: usize = 100;
+/// Physics steps that are measured at once: one is too short.
+const PHYSICS_STEPS: usize = 20;
+/// Control steps after which an environment starts over, so that nothing in it falls asleep.
+const AWAKE_STEPS: usize = 20;
+/// Environments that step together.
+const ENVIRONMENTS: usize = 16;
+/// The first of their scenes.
+const SCENE: u64 = 1000;
 
 pub(super) fn run() -> Result<Vec<Row>> {
     let config = default_preset();
     let env = environment(&config)?;
-    Ok(vec![physics(&config.simulator)?, render(&env)?, control_step(&env), reset(env)])
+    let [scene, both_arms] = render(&config)?;
+    let steps = [control_step(&config)?, vector_control_step(&config)?];
+    Ok([physics(&config.simulator)?, scene, both_arms].into_iter().chain(steps).chain([reset(env)]).collect())
 }
 
-/// One physics step of the arm and ten objects on a table, before they fall asleep.
+/// One physics step of [`ArmSweep`]: a kinematic arm that sweeps over ten boxes, all awake.
 fn physics(params: &SimParams) -> Result<Row> {
-    let start = World::new(Arc::new(ten_objects()), &XARM7, XARM7.start, params)?;
-    let (mut world, config, mut n_steps) = (start.clone(), *start.config(), 0);
-    Ok(measure("physics_arm10_10ms", || {
-        n_steps += 1;
+    let mut sweep = ArmSweep::new(params)?;
+    let row = measure("physics_arm10_10ms", || (0..PHYSICS_STEPS).try_for_each(|_| sweep.step()));
+    Ok(row.per(PHYSICS_STEPS))
+}
+
+/// 128 × 128 pixels with colour, depth, points and mask: a scene of 3,156 triangles, and 6,504 of it with one arm and the other.
+fn render(config: &Config) -> Result<[Row; 2]> {
+    let mut renderer = Renderer::new(Detail::Observation);
+    let mut items = SimEnvironment::picture_items(busy_environment(config, &XARM7)?.world(), &mut renderer)?;
+    let camera = Camera::by_name("front", &XARM7, &Pose3::IDENTITY)?;
+    let scene = measure("render_128", || renderer.render(&camera, &items));
+    items.extend(SimEnvironment::picture_items(busy_environment(config, &PANDA)?.world(), &mut renderer)?);
+    Ok([scene, measure("render_128_both_arms", || renderer.render(&camera, &items))])
+}
+
+fn busy_environment(config: &Config, robot: &'static Robot) -> Result<SimEnvironment> {
+    let task = Task::by_name("stack_wine")?;
+    Ok(SimEnvironment::new(task, robot, SCENE, &["front"], &config.simulator)?)
+}
+
+/// Turns the arm to and fro.
+fn turned(env: &SimEnvironment, n_steps: usize) -> ControlAction {
+    let mut target = *env.world().config();
+    target[0] += if n_steps % AWAKE_STEPS < AWAKE_STEPS / 2 { 0.02 } else { -0.02 };
+    ControlAction { target, gripper: Gripper::Open }
+}
+
+/// One control step of 50 ms and the image after it, the arm moving and nothing asleep.
+fn control_step(config: &Config) -> Result<Row> {
+    let start = busy_environment(config, &XARM7)?;
+    let (mut env, mut n_steps) = (start.clone(), 0);
+    Ok(measure("control_step_rgbd", || {
         if n_steps % AWAKE_STEPS == 0 {
-            world = start.clone();
+            env.clone_from(&start);
         }
-        world.step(&config)
+        let result = env.control_step(&turned(&env, n_steps));
+        n_steps += 1;
+        (result, env.observe())
     }))
 }
 
-fn ten_objects() -> SceneSpec {
-    let body = |name: String, kind, position, half_extents, mass| BodySpec {
-        name,
-        kind,
-        pose: Pose3::from_translation(position),
-        parts: vec![Part::new(Shape::Cuboid { half_extents }, Pose3::IDENTITY, [180; 3])],
-        mass,
-        friction: 0.5,
-    };
-    let half_side = 0.02;
-    let place = |idx: usize| Vec3::new(0.4 + 0.06 * (idx % 5) as f32, 0.2 + 0.06 * (idx / 5) as f32, half_side);
-    let objects =
-        (0..OBJECTS).map(|idx| body(format!("object{idx}"), BodyKind::Dynamic, place(idx), Vec3::splat(half_side), 0.1));
-    let table = body("table".to_owned(), BodyKind::Fixed, Vec3::new(0.45, 0.0, -0.02), Vec3::new(0.75, 0.85, 0.02), 0.0);
-    SceneSpec { task: "objects".to_owned(), bodies: objects.chain([table]).collect(), joints: Vec::new(), success: Vec::new() }
-}
-
-/// One image of 128 × 128 pixels with depth, points and mask.
-fn render(env: &SimEnvironment) -> Result<Row> {
-    let mut renderer = Renderer::new(Detail::Observation);
-    let items = SimEnvironment::picture_items(env.world(), &mut renderer)?;
-    let camera = Camera::by_name("front", &XARM7, &Pose3::IDENTITY)?;
-    Ok(measure("render_128", || renderer.render(&camera, &items)))
-}
-
-/// 50 ms of the scene, a snapshot of it and an observation, before the scene falls asleep.
-fn control_step(env: &SimEnvironment) -> Row {
-    let (start, mut env, mut world) = (env.world().clone(), env.clone(), env.world().clone());
-    let config = *world.config();
-    let per_control = world.params().steps_per_control();
-    let mut n_steps = 0;
-    measure("control_step_rgbd", || {
+/// The same of [`ENVIRONMENTS`] environments together, per environment: what threads are for.
+fn vector_control_step(config: &Config) -> Result<Row> {
+    let task = Task::by_name("stack_wine")?;
+    let scenes = SCENE..SCENE + ENVIRONMENTS as u64;
+    let start = VectorEnvironment::new(task, &XARM7, scenes, &["front"], &config.simulator)?;
+    let (mut envs, mut n_steps) = (start.clone(), 0);
+    let row = measure("vector_control_step_rgbd", || {
+        if n_steps % AWAKE_STEPS == 0 {
+            envs.clone_from(&start);
+        }
+        let actions: Vec<_> = envs.environments().iter().map(|env| turned(env, n_steps)).collect();
         n_steps += 1;
-        if n_steps % (AWAKE_STEPS / per_control).max(1) == 0 {
-            world = start.clone();
-        }
-        for _ in 0..per_control {
-            // The arm stands still: nothing can end the episode.
-            let _ = world.step(&config);
-        }
-        env = env.at(world.clone(), 0);
-        env.observe()
-    })
+        envs.control_step_and_observe(&actions)
+    });
+    Ok(row.per(ENVIRONMENTS))
 }
 
 /// Placement of a new scene, its settling and an observation.
 fn reset(mut env: SimEnvironment) -> Row {
-    let mut seed = 2000;
+    let mut seed = 2 * SCENE;
     measure("reset_rgbd", || {
         seed += 1;
         env.reset(seed).map(|()| env.observe())

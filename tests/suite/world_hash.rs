@@ -1,0 +1,51 @@
+//! The same world after every task's demonstration: natively with one and two threads, and in wasm.
+
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use crate::lpr::text;
+use lpr_core::robot::ROBOTS;
+use lpr_core::sim::tasks::TASKS;
+use lpr_tests::workspace;
+use lpr_wasm::check::demonstration_hash;
+use std::process::Command;
+
+/// A validation scene: the test scenes are for reported results.
+const SEED: u64 = 1000;
+
+/// Task and robot of every demonstration.
+fn scenes() -> Vec<(&'static str, &'static str)> {
+    TASKS.iter().flat_map(|task| ROBOTS.map(|robot| (task.name, robot.name))).collect()
+}
+
+fn native_hashes(n_threads: usize) -> Vec<String> {
+    let hash = |(task, robot)| demonstration_hash(task, robot, SEED).unwrap();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
+    pool.install(|| scenes().into_iter().map(hash).collect())
+}
+
+/// What `tests/node/NAME` prints for an argument.
+#[track_caller]
+fn node(name: &str, argument: &str) -> String {
+    let module = workspace().join("www/src/wasm/lpr_wasm_bg.wasm");
+    assert!(module.is_file(), "{} is missing: run `make page` first", module.display());
+    let script = workspace().join("tests/node").join(name);
+    let output = Command::new("node").arg(script).arg(argument).output().expect("node is installed");
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    text(&output.stdout)
+}
+
+fn wasm_hashes() -> Vec<String> {
+    let scenes: Vec<_> = scenes().into_iter().map(|(task, robot)| (task, robot, SEED)).collect();
+    serde_json::from_str(&node("world_hash.mjs", &serde_json::to_string(&scenes).unwrap())).unwrap()
+}
+
+#[test]
+fn every_demonstration_ends_in_the_same_world_with_one_thread_two_threads_and_in_wasm() {
+    let [one, two] = [1, 2].map(native_hashes);
+    let wasm = wasm_hashes();
+    assert_eq!(wasm.len(), scenes().len());
+    for (idx, scene) in scenes().iter().enumerate() {
+        assert_eq!(one[idx], two[idx], "{scene:?} with two threads");
+        assert_eq!(one[idx], wasm[idx], "{scene:?} in wasm");
+    }
+}
