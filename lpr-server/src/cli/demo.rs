@@ -156,9 +156,13 @@ impl FailedEpisode {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { task, robot, quantised, episodes, successes, failures, failed, seconds } = self;
+        let Self { task, variation, robot, quantised, friction_grasps, episodes, successes, failures, failed, seconds } = self;
         let goals = if *quantised { "quantised" } else { "scripted" };
-        writeln!(f, "{task}, {robot}, {goals} keyframes: {successes} of {episodes} in {seconds:.1} s")?;
+        let held = if *friction_grasps { ", held by friction" } else { "" };
+        writeln!(
+            f,
+            "{task} (variation {variation}), {robot}, {goals} keyframes{held}: {successes} of {episodes} in {seconds:.1} s"
+        )?;
         failures.iter().try_for_each(|(reason, n)| writeln!(f, "  {n} {reason}"))?;
         for FailedEpisode { scene_seed, keyframe, reason, message } in failed {
             let at = keyframe.map_or("before the first keyframe".to_owned(), |keyframe| format!("keyframe {keyframe}"));

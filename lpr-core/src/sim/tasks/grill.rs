@@ -8,7 +8,7 @@ use glamx::{Pose3, Quat, Vec2, Vec3};
 
 /// Where a grill may stand: its frame is in front of the lid's handle.
 pub(super) const PLACEMENT: Placement =
-    Placement { center: Vec2::new(-0.05, 0.0), half_range: Vec2::new(0.10, 0.15), max_yaw: FRAC_PI_2 };
+    Placement { center: Vec2::new(-0.08, -0.05), half_range: Vec2::new(0.04, 0.08), max_yaw: FRAC_PI_2 };
 
 /// The middle of the lid's bar when it is shut, metres.
 pub(super) const BAR: [f32; 3] = [0.081, -0.115, 0.316];

@@ -34,7 +34,7 @@ const BAR_RADIUS: f32 = 0.008;
 const BAR_LENGTH: f32 = 0.216;
 /// Opening at which the task is done, and at which the demonstrator stops, radians.
 const OPEN: f32 = 80_f32.to_radians();
-const DEMONSTRATED: f32 = 86_f32.to_radians();
+const DEMONSTRATED: f32 = 83_f32.to_radians();
 /// How far from the bar the hand begins, metres.
 const APPROACH: f32 = 0.08;
 

@@ -16,7 +16,7 @@ pub(super) static TOILET_SEAT_DOWN: Task = Task {
     goal: "put the toilet seat down",
     variations: &[],
     keyframes: 3,
-    placement: Placement { center: Vec2::new(-0.12, -0.20), half_range: Vec2::new(0.06, 0.06), max_yaw: FRAC_PI_4 },
+    placement: Placement { center: Vec2::new(-0.06, -0.19), half_range: Vec2::new(0.04, 0.05), max_yaw: FRAC_PI_4 },
     build,
 };
 
