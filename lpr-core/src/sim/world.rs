@@ -355,16 +355,73 @@ mod tests {
 
     #[test]
     fn articulated_bodies_stay_on_their_joints() {
-        for task in ["open_drawer", "toilet_seat_up"] {
-            for robot in ROBOTS {
-                let (_, demo) = demonstration(task, robot, 3);
-                for frame in &demo.frames {
-                    for joint in 0..frame.spec().joints.len() {
-                        let (shift, turn) = frame.joint_deviation(joint);
-                        assert!(shift < 0.003 && turn < 1_f32.to_radians(), "{task} {}: {shift} m, {turn} rad", robot.name);
-                    }
-                }
+        /// The light lever of a door gives way by up to 1.7 degrees in the Panda's hand.
+        const LEVER: f32 = 2.0;
+        for (task, robot) in TASKS.iter().flat_map(|task| ROBOTS.map(|robot| (task, robot))) {
+            let (_, demo) = demonstration(task.name, robot, 1);
+            for (frame, joint) in
+                demo.frames.iter().flat_map(|frame| (0..frame.spec().joints.len()).map(move |joint| (frame, joint)))
+            {
+                let most = if frame.spec().joints[joint].name == "lever_axle" { LEVER } else { 1.0 };
+                let (shift, turn) = frame.joint_deviation(joint);
+                assert!(shift < 0.003 && turn < most.to_radians(), "{} {}: {shift} m, {turn} rad", task.name, robot.name);
             }
+        }
+    }
+
+    #[test]
+    fn a_door_is_latched_until_its_lever_is_turned() {
+        let (_, demo) = demonstration("open_door", &PANDA, 1);
+        let [door, lever] = [0, 1];
+        let latched: Vec<_> = demo.frames.iter().filter(|frame| frame.joint_position(lever) < 0.4).collect();
+        assert!(latched.len() > 10 && latched.iter().all(|frame| frame.joint_position(door).abs() < 0.01));
+        // Pushed where the lever is held, without turning it, the door stays shut.
+        let mut world = demo.frames[demo.waypoint_frames[1]].clone();
+        for _ in 0..20 {
+            let mut grip = world.robot().grip(world.config());
+            grip.translation += 0.0005 * world.spec().joints[lever].axis;
+            let config = world.robot().ik_step(&grip, world.config()).unwrap();
+            // It presses harder than it may; that ends an episode, not the test.
+            let _ = world.step(&config);
+        }
+        assert!(world.joint_position(door) < 0.02, "the door opened by {} rad", world.joint_position(door));
+    }
+
+    #[test]
+    fn a_lever_that_is_let_go_returns() {
+        let (_, demo) = demonstration("open_door", &XARM7, 1);
+        let mut world = demo.frames[demo.waypoint_frames[2]].clone();
+        let turned = world.joint_position(1);
+        world.command_gripper(Gripper::Open);
+        let config = *world.config();
+        for _ in 0..200 {
+            let _ = world.step(&config);
+        }
+        assert!(turned > 0.4 && world.joint_position(1) < 0.1, "from {turned} to {}", world.joint_position(1));
+    }
+
+    #[test]
+    fn friction_alone_holds_what_a_demonstrator_lifts() {
+        let task = Task::by_name("pick_and_lift").unwrap();
+        for robot in ROBOTS {
+            let env = SimEnvironment::new(task, robot, 1, &["front"], &SimParams::STANDARD).unwrap();
+            let mut env = env.with_friction_grasps().unwrap();
+            let demo = demonstrate(&mut env, &mut stream(1, Stream::Demo, 0));
+            assert!(demo.success && env.world().holding() == Holding::Pinched, "{}: {:?}", robot.name, demo.invalid);
+        }
+    }
+
+    #[test]
+    fn every_variation_can_be_placed_and_is_another_scene() {
+        for task in TASKS {
+            let scene = |variation| crate::sim::place(task, variation, &PANDA, 1).map(|placed| placed.scene.spec);
+            let first = scene(0).unwrap();
+            for variation in 1..task.n_variations() {
+                assert_ne!(scene(variation).unwrap(), first, "{}", task.describe(variation));
+                assert_eq!(scene(variation).unwrap(), scene(variation).unwrap(), "the same seed, the same scene");
+            }
+            let error = scene(task.n_variations()).expect_err("one variation too many").to_string();
+            assert!(error.contains(task.name) && error.contains("no variation"), "{error}");
         }
     }
 

@@ -2,10 +2,12 @@
 
 use super::builder::{SceneBuilder, grip_pose};
 use super::chest::{self, HANDLE_Y, HANDLE_Z};
-use super::{Motion, Task, TaskScene, TaskSet};
+use super::{Motion, Placement, Task, TaskScene, TaskSet};
 use crate::rng::Rng;
 use crate::robot::Gripper;
 use crate::sim::scene_spec::Condition;
+use core::f32::consts::FRAC_PI_8;
+use glamx::Vec2;
 
 /// The task.
 pub(super) static CLOSE_DRAWER: Task = Task {
@@ -14,7 +16,8 @@ pub(super) static CLOSE_DRAWER: Task = Task {
     goal: "push the {} drawer shut",
     variations: &chest::DRAWERS,
     keyframes: 2,
-    placement: chest::PLACEMENT,
+    // Farther off than the drawer that is opened: the arm comes from the front of one that stands open.
+    placement: Placement { center: Vec2::new(0.05, -0.40), half_range: Vec2::new(0.08, 0.06), max_yaw: FRAC_PI_8 },
     build,
 };
 
