@@ -11,6 +11,9 @@ use crate::path::{
 use crate::q_attention::NextBestPose;
 use crate::rng::{Stream, stream};
 
+/// How far from where the demonstrator leaves it a joint may be left before the last keyframe, as a share of its range.
+const JOINT_TOLERANCE: f32 = 0.1;
+
 /// A snapshot in which the demonstrator's next keyframe is `goal`.
 #[derive(Debug, Clone)]
 pub struct KeyframeSnapshot {
@@ -20,8 +23,10 @@ pub struct KeyframeSnapshot {
     pub goal: NextBestPose,
     /// Whether this is the demonstrator's last keyframe, whose motion should do the task.
     pub is_last: bool,
-    /// What the demonstrator held after the keyframe.
+    /// Whether the demonstrator held something after the keyframe.
     pub holds: bool,
+    /// Where the demonstrator's scene had its joints after the keyframe.
+    pub joints: Vec<f32>,
 }
 
 /// The snapshots of a demonstration in `env`, which has just been reset; `None` when the demonstration fails.
@@ -40,6 +45,7 @@ pub fn keyframe_snapshots(env: &SimEnvironment, seed: u64) -> Option<Vec<Keyfram
             goal: env.plan().goals[step],
             is_last: step + 1 == env.plan().goals.len(),
             holds: demo.frames[end].holding() != Holding::Nothing,
+            joints: demo.frames[end].joint_positions(),
         });
         start = end;
     }
@@ -53,7 +59,8 @@ pub struct Trial {
     pub source: Source,
     /// What the environment said.
     pub result: StepResult,
-    /// Whether it did what the demonstrator did: the task at the last keyframe, else the same grasp without an invalid action.
+    /// Whether it did what the demonstrator did: the task at the last keyframe, else the same grasp with the scene's joints as far
+    /// moved, without an invalid action.
     pub success: bool,
 }
 
@@ -105,8 +112,14 @@ impl KeyframeSnapshot {
     fn execute(&self, candidate: &CandidatePath) -> Trial {
         let mut env = self.env.clone();
         let result = env.step(&candidate.path, self.goal.gripper);
-        let same_grasp = result.invalid.is_none() && (env.world().holding() != Holding::Nothing) == self.holds;
-        let success = if self.is_last { result.reward > 0.0 } else { result.reward > 0.0 || same_grasp };
+        let same_grasp = (env.world().holding() != Holding::Nothing) == self.holds;
+        let joints = env.world().joint_positions().into_iter().zip(&self.joints);
+        let moved = joints.zip(&env.world().spec().joints).all(|((at, goal), joint)| {
+            let range = joint.limits[1] - joint.limits[0];
+            (at - goal).abs() <= JOINT_TOLERANCE * range
+        });
+        let followed = !self.is_last && result.invalid.is_none() && same_grasp && moved;
+        let success = result.reward > 0.0 || followed;
         Trial { source: candidate.source, result, success }
     }
 }

@@ -46,6 +46,9 @@ pub(super) struct Arguments {
     /// Contact force on the arm that ends an episode, newtons
     #[arg(long, value_name = "NEWTONS", default_value_t = SimParams::STANDARD.abort_force)]
     abort_force: f32,
+    /// Friction of the finger pads and of everything else, as a multiple of what it is
+    #[arg(long, value_name = "FACTOR", default_value_t = SimParams::STANDARD.friction_scale)]
+    friction_scale: f32,
 }
 
 /// Which keyframes of a demonstration.
@@ -172,6 +175,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
     if arguments.abort_force.is_nan() || arguments.abort_force <= 0.0 {
         return Err(Failure::Usage(format!("--abort-force {}: expected newtons above 0", arguments.abort_force)));
     }
+    if !(arguments.friction_scale.is_finite() && arguments.friction_scale >= 0.0) {
+        return Err(Failure::Usage(format!("--friction-scale {}: expected a number from 0", arguments.friction_scale)));
+    }
     let proposer = Proposer::new(arguments)?;
     let mut skipped_seeds = Vec::new();
     let mut drawn = Vec::new();
@@ -213,7 +219,7 @@ impl Proposer {
     fn new(arguments: &Arguments) -> Result<Self> {
         let Some(run) = &arguments.checkpoint else {
             let Config { simulator, timing, .. } = default_preset();
-            let params = SimParams { abort_force: arguments.abort_force, ..simulator };
+            let params = params(arguments, simulator);
             return Ok(Self { settings: settings(arguments)?, agent: None, cameras: vec!["front"], params, timing });
         };
         let SavedAgent { header, agent } = load_agent(&run_directory::latest(run)?.1.weights)?;
@@ -224,7 +230,7 @@ impl Proposer {
         }
         let cameras = header.run.cameras.iter().map(|name| Camera::known_name(name)).collect::<Result<_, _>>()?;
         let Config { simulator, timing, .. } = header.config;
-        let params = SimParams { abort_force: arguments.abort_force, ..simulator };
+        let params = params(arguments, simulator);
         Ok(Self { settings: agent.candidate_settings().clone(), agent: Some(agent), cameras, params, timing })
     }
 
@@ -242,6 +248,12 @@ impl Proposer {
         let action = agent.act(&observation, Goal::from(snapshot.goal), Draws::greedy(streams))?;
         Ok((action.set, action.values))
     }
+}
+
+/// The simulator's settings with those of the command line.
+fn params(arguments: &Arguments, simulator: SimParams) -> SimParams {
+    let Arguments { abort_force, friction_scale, .. } = *arguments;
+    SimParams { abort_force, friction_scale, pad_friction: friction_scale * simulator.pad_friction, ..simulator }
 }
 
 fn settings(arguments: &Arguments) -> Result<CandidateSettings> {
