@@ -163,6 +163,10 @@ fn wrong_usage_names_what_would_be_right() {
     assert!(lpr_error(&["paths", "reach_target", "--sigma", "NaN"], 1).contains("bezier.sigma"));
     assert!(lpr_error(&["paths", "reach_target", "--collision-free-fraction", "2"], 1).contains("0 to 1"));
     assert!(lpr_error(&["paths", "reach_target", "--abort-force", "0"], 2).contains("newtons above 0"));
+    assert!(lpr_error(&["paths", "reach_target", "--friction-scale", "NaN"], 2).contains("a number from 0"));
+    assert!(lpr_error(&["placements", "reach_target", "--scenes", "0"], 2).contains("0 is not in 1..="));
+    let error = lpr_error(&["demo", "open_drawer", "--variation", "3"], 1);
+    assert!(error.contains("task 'open_drawer' has no variation 3: 0 to 2"), "{error}");
     let error = lpr_error(&["render", "reach_target", "--camera", "rear", "--out", "a.png"], 2);
     assert!(error.contains("unknown camera 'rear', known: front"), "{error}");
     assert!(lpr_error(&["render", "reach_target", "--out", "a.jpg"], 2).contains("ends in .png"));
@@ -170,6 +174,29 @@ fn wrong_usage_names_what_would_be_right() {
     assert!(lpr_error(&["render", "reach_target", "--size", "0x9", "--out", "a.png"], 2).contains("WIDTHxHEIGHT"));
     let error = lpr_error(&["render", "reach_target", "--out", "no/such/directory/a.png"], 1);
     assert!(error.starts_with("no/such/directory/a.png: cannot write"), "{error}");
+}
+
+#[test]
+fn placements_count_what_was_rejected_and_what_was_covered() {
+    let report = lpr_json(&["placements", "open_drawer", "--scenes", "40", "--robot", "panda"]);
+    let number = |key: &str| report[key].as_f64().unwrap();
+    assert_eq!((number("scenes"), number("unplaced")), (40.0, 0.0));
+    assert!((0.0..0.5).contains(&(number("rejected_at_the_arm") + number("rejected_out_of_reach"))), "{report}");
+    let [hit, feasible] = ["hit", "feasible"].map(|key| report["cells"][key].as_u64().unwrap());
+    assert!(10 < hit && hit <= feasible, "{report}");
+    // Within 6 and 12 cm of the middle of the chest's places.
+    let [x, y] = [0, 1].map(|axis| [0, 1].map(|end| report["range_m"][axis][end].as_f64().unwrap()));
+    assert!(0.46 <= x[0] && x[1] <= 0.58 && -0.44 <= y[0] && y[1] <= -0.20, "{report}");
+    let fixed = lpr_json(&["placements", "open_dishwasher", "--scenes", "5"]);
+    assert_eq!((&fixed["cells"]["hit"], &fixed["cells"]["feasible"]), (&json!(1), &json!(1)));
+}
+
+#[test]
+fn another_variation_is_demonstrated_and_held_by_friction() {
+    let report = lpr_json(&["demo", "open_drawer", "--variation", "2", "--robot", "panda", "--episodes", "2"]);
+    assert_eq!((&report["variation"], &report["successes"]), (&json!(2), &json!(2)));
+    let report = lpr_json(&["demo", "pick_and_lift", "--friction-grasps", "--episodes", "2"]);
+    assert_eq!((&report["friction_grasps"], &report["successes"]), (&json!(true), &json!(2)));
 }
 
 /// The file of an episode in which a method without networks opens a drawer.
