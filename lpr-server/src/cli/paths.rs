@@ -219,7 +219,7 @@ impl Proposer {
     fn new(arguments: &Arguments) -> Result<Self> {
         let Some(run) = &arguments.checkpoint else {
             let Config { simulator, timing, .. } = default_preset();
-            let params = params(arguments, simulator);
+            let params = params(arguments, &simulator);
             return Ok(Self { settings: settings(arguments)?, agent: None, cameras: vec!["front"], params, timing });
         };
         let SavedAgent { header, agent } = load_agent(&run_directory::latest(run)?.1.weights)?;
@@ -230,7 +230,7 @@ impl Proposer {
         }
         let cameras = header.run.cameras.iter().map(|name| Camera::known_name(name)).collect::<Result<_, _>>()?;
         let Config { simulator, timing, .. } = header.config;
-        let params = params(arguments, simulator);
+        let params = params(arguments, &simulator);
         Ok(Self { settings: agent.candidate_settings().clone(), agent: Some(agent), cameras, params, timing })
     }
 
@@ -251,9 +251,9 @@ impl Proposer {
 }
 
 /// The simulator's settings with those of the command line.
-fn params(arguments: &Arguments, simulator: SimParams) -> SimParams {
+fn params(arguments: &Arguments, simulator: &SimParams) -> SimParams {
     let Arguments { abort_force, friction_scale, .. } = *arguments;
-    SimParams { abort_force, friction_scale, pad_friction: friction_scale * simulator.pad_friction, ..simulator }
+    SimParams { abort_force, friction_scale, pad_friction: friction_scale * simulator.pad_friction, ..simulator.clone() }
 }
 
 fn settings(arguments: &Arguments) -> Result<CandidateSettings> {

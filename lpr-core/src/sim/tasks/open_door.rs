@@ -23,6 +23,8 @@ pub(super) static OPEN_DOOR: Task = Task {
 const DOOR: [f32; 3] = [0.015, 0.39, 0.913];
 /// A point of the hinge; its axis is -z, so that the door opens away from the arm.
 const HINGE: Vec3 = Vec3::new(0.190, -0.204, 0.0);
+/// Height of the post on the lever's side: the arm swings over it.
+const STRIKE: f32 = 0.25;
 const DOOR_MASS: f32 = 2.0;
 /// Friction of the hinge, N·m.
 const BRAKE: f32 = 0.2;
@@ -53,8 +55,8 @@ const BRASS: [u8; 3] = [190, 160, 84];
 fn build(_: usize, _: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(OPEN_DOOR.name);
     let [thickness, width, height] = DOOR;
-    let post = |y| cuboid([HINGE.x, y, 0.5 * height], [0.02, 0.02, height], FRAME);
-    let posts = vec![post(HINGE.y - 0.012), post(HINGE.y + width + 0.012)];
+    let post = |y, height| cuboid([HINGE.x, y, 0.5 * height], [0.02, 0.02, height], FRAME);
+    let posts = vec![post(HINGE.y - 0.012, height), post(HINGE.y + width + 0.012, STRIKE)];
     let frame = scene.body("frame", BodyKind::Fixed, Vec3::ZERO, 0.0, posts);
     // A millimetre above the table.
     let slab = cuboid([0.0, 0.5 * width, 0.5 * height + 0.001], [thickness, width, height], PAINT);

@@ -26,7 +26,7 @@ const PANEL: f32 = 0.01;
 /// Depth, width, height of a drawer.
 const DRAWER: [f32; 3] = [0.27, 0.23, 0.10];
 const DRAWER_WALL: f32 = 0.008;
-const DRAWER_MASS: f32 = 0.8;
+const DRAWER_MASS: f32 = 0.4;
 /// Heights of the drawers' middles.
 const DRAWER_Z: [f32; 2] = [0.07, 0.19];
 /// Friction of the slides, N.

@@ -25,7 +25,7 @@ const BODY: [f32; 3] = [0.57, 0.276, 0.314];
 const DOOR: [f32; 3] = [0.456, 0.0144, 0.264];
 /// A point of the hinge; its axis is -z.
 const HINGE: Vec3 = Vec3::new(-0.240, 0.182, 0.138);
-const DOOR_MASS: f32 = 0.4;
+const DOOR_MASS: f32 = 0.15;
 /// Friction of the hinge, N·m.
 const BRAKE: f32 = 2.07;
 /// The bar: where its axis is, its radius and length.
@@ -34,7 +34,7 @@ const BAR_RADIUS: f32 = 0.008;
 const BAR_LENGTH: f32 = 0.216;
 /// Opening at which the task is done, and at which the demonstrator stops, radians.
 const OPEN: f32 = 80_f32.to_radians();
-const DEMONSTRATED: f32 = 83_f32.to_radians();
+const DEMONSTRATED: f32 = 85_f32.to_radians();
 /// How far from the bar the hand begins, metres.
 const APPROACH: f32 = 0.08;
 
