@@ -10,6 +10,8 @@ use lpr_core::sim::{SimEnvironment, World};
 
 /// The camera that stands where a visitor would, and is no camera of an agent.
 pub const BEAUTY: &str = "beauty";
+/// Where visitors stand, from the workspace's centre along x and y: before the arm, behind it, and on its other side.
+const VIEWS: [(&str, [f32; 2]); 3] = [(BEAUTY, [1.03, 1.25]), ("beauty_behind", [-1.03, 1.25]), ("beauty_beside", [1.03, -1.25])];
 /// Samples per pixel along each side.
 const SAMPLES: usize = 3;
 /// Rows of a picture for each pixel of a line's width, and of a letter's dots.
@@ -65,7 +67,7 @@ pub struct Artist<'a> {
 }
 
 impl<'a> Artist<'a> {
-    /// For pictures from `camera`: a built-in one or [`BEAUTY`].
+    /// For pictures from `camera`: a built-in one, [`BEAUTY`] or what [`view_of`] says.
     #[must_use]
     pub fn new(camera: &'a str, size: Size) -> Self {
         Self { renderer: Renderer::for_pictures(), camera, size, samples: SAMPLES }
@@ -129,18 +131,48 @@ impl<'a> Artist<'a> {
     fn camera(&self, world: &World) -> Result<Camera> {
         let robot = world.robot();
         let world_from_flange = Pose3::from(robot.flange(world.config()));
-        let camera = if self.camera == BEAUTY { beauty(robot) } else { Camera::by_name(self.camera, robot, &world_from_flange)? };
+        let camera = match VIEWS.into_iter().find(|(name, _)| *name == self.camera) {
+            Some((name, at)) => beauty(name, at, robot),
+            None => Camera::by_name(self.camera, robot, &world_from_flange)?,
+        };
         Ok(camera.with_size(self.size.width.into(), self.size.height.into()))
     }
 }
 
-/// A view over the whole arm and the workspace from the front and the side: of a larger arm from farther away.
-fn beauty(robot: &Robot) -> Camera {
+/// The first of the visitors' cameras that looks at what a hand approaches along `approach`, and not at its back.
+#[must_use]
+pub fn view_of(approach: Vec3) -> &'static str {
+    /// Cosine of the angle between approach and view, times the view's length, from which the back is seen.
+    const BACK: f32 = 0.3;
+    let shows_the_front = |[x, y]: [f32; 2]| x * approach.x + y * approach.y < BACK;
+    VIEWS.into_iter().find(|(_, at)| shows_the_front(*at)).map_or(BEAUTY, |(name, _)| name)
+}
+
+/// A view over the whole arm and the workspace from one side: of a larger arm from farther away.
+fn beauty(name: &str, [x, y]: [f32; 2], robot: &Robot) -> Camera {
     /// Distance of the workspace's centre from the base for which the numbers below are, metres: the xArm7's.
     const REACH: f32 = 0.38;
     let center = robot.workspace_center.extend(0.0);
     // Half of it: a larger arm may fill more of the picture.
     let scale = 0.5 + 0.5 * center.x / REACH;
-    let position = center + scale * Vec3::new(1.03, 1.25, 0.95);
-    Camera::looking_at(BEAUTY, position, center + scale * Vec3::new(-0.17, 0.0, 0.31), 37_f32.to_radians())
+    let position = center + scale * Vec3::new(x, y, 0.95);
+    Camera::looking_at(name, position, center + scale * Vec3::new(-0.17, 0.0, 0.31), 37_f32.to_radians())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn visitors_stand_where_they_see_what_the_hand_approaches() {
+        for (approach, view) in [
+            (Vec3::NEG_Z, BEAUTY),
+            (Vec3::NEG_Y, BEAUTY),
+            (Vec3::X, "beauty_behind"),
+            (Vec3::new(0.5, 0.0, -0.9), "beauty_behind"),
+            (Vec3::Y, "beauty_beside"),
+        ] {
+            assert_eq!(view_of(approach), view, "{approach}");
+        }
+    }
 }

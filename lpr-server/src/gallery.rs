@@ -1,10 +1,11 @@
 //! Every task as a picture and as a short animation of its demonstration, and a page that lists them.
 
-use crate::artist::{Artist, BEAUTY, Size};
+use crate::artist::{Artist, Size, view_of};
 use crate::files::{self, FileError};
 use crate::formats::{TaskList, TaskRow};
 use crate::images::{self, Shown};
 use crate::moments;
+use lpr_core::glamx::Vec3;
 use lpr_core::rng::{Stream, stream};
 use lpr_core::robot::{ROBOTS, Robot};
 use lpr_core::sim::tasks::{TASKS, Task};
@@ -63,11 +64,12 @@ pub fn draw(directory: &Path) -> Result<Vec<Entry>, GalleryError> {
 
 fn draw_task(directory: &Path, task: &'static Task, row: TaskRow, robot: &'static Robot) -> Result<Entry, GalleryError> {
     let (seed, demo) = demonstration(task, robot)?;
-    let picture = Artist::new(BEAUTY, PICTURE).draw(&demo.frames[0], &[])?;
+    let camera = view_of(grasp_direction(&demo));
+    let picture = Artist::new(camera, PICTURE).draw(&demo.frames[0], &[])?;
     let path = directory.join(format!("{}.png", task.name));
     images::write_png(&path, PICTURE.width.into(), PICTURE.height.into(), &picture.rgb)?;
     let path = directory.join(format!("{}.gif", task.name));
-    images::write_gif_of_changes(&path, ANIMATION.width, ANIMATION.height, &animation(&demo)?)?;
+    images::write_gif_of_changes(&path, ANIMATION.width, ANIMATION.height, &animation(&demo, camera)?)?;
     Ok(Entry { row, robot: robot.name, seed })
 }
 
@@ -83,8 +85,15 @@ fn demonstration(task: &'static Task, robot: &'static Robot) -> Result<(u64, Dem
     Err(GalleryError::NoDemonstration(task.name))
 }
 
-fn animation(demo: &Demonstration) -> lpr_core::Result<Vec<Shown>> {
-    let mut artist = Artist::quick(BEAUTY, ANIMATION);
+/// Where the hand looks when it has reached the second keyframe, which grasps or pushes, or the only one.
+fn grasp_direction(demo: &Demonstration) -> Vec3 {
+    let frames = &demo.waypoint_frames;
+    let world = &demo.frames[frames[frames.len().min(2) - 1]];
+    world.robot().grip(world.config()).rotation * Vec3::Z
+}
+
+fn animation(demo: &Demonstration, camera: &str) -> lpr_core::Result<Vec<Shown>> {
+    let mut artist = Artist::quick(camera, ANIMATION);
     let mut shown = Vec::new();
     for moment in moments::of(demo, CONTROL_STEPS) {
         shown.push(Shown { pixels: artist.draw(&moment.world, &[])?.rgb, millis: PERIOD_MS });
