@@ -35,7 +35,7 @@ const LEVER_RADIUS: f32 = 0.007;
 const LEVER_LENGTH: f32 = 0.11;
 const LEVER_MASS: f32 = 0.15;
 const LEVER_RANGE: f32 = 35_f32.to_radians();
-/// What turns the lever back, N·m/rad: its own weight turns it by two degrees.
+/// What turns the lever back, N·m/rad: its own weight turns it by a few degrees.
 const LEVER_SPRING: f32 = 2.0;
 /// Lever at which the latch lets go, and at which the demonstrator stops, radians.
 const UNLATCHED: f32 = 25_f32.to_radians();
