@@ -1,6 +1,6 @@
 //! What the physics settings have to hold: grasps by friction alone, a stack, a drawer and a lid.
 //!
-//! rapier's defaults miss these bounds by centimetres.
+//! rapier's defaults missed such bounds by centimetres in the prototype that the settings come from.
 
 use super::scene_spec::{BodyKind, BodySpec, SceneSpec};
 use super::tasks::Task;

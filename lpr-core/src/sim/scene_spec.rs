@@ -72,6 +72,9 @@ impl SceneSpec {
             if joint.latch.is_some_and(|latch| latch.joint >= self.joints.len() || latch.min.is_nan()) {
                 return Err(broken(format!("joint '{name}': its latch names a joint that is not there")));
             }
+            if joint.brake > 0.0 && joint.spring > 0.0 {
+                return Err(broken(format!("joint '{name}': expected a brake or a spring, not both")));
+            }
             let numbers = [joint.limits[0], joint.limits[1], joint.start, joint.brake, joint.spring];
             let is_placed = is_near(joint.anchor) && (joint.axis.length() - 1.0).abs() < UNIT_TOLERANCE;
             if !is_placed || !numbers.iter().all(|number| number.is_finite()) || joint.limits[0] > joint.limits[1] {
@@ -176,7 +179,7 @@ pub struct JointSpec {
     pub start: f32,
     /// Dry friction of the joint, N·m or N.
     pub brake: f32,
-    /// What drives the joint back to `start`, N·m/rad or N/m.
+    /// What drives the joint back to `start`, N·m/rad or N/m; 0 where there is a brake.
     #[serde(default)]
     pub spring: f32,
     /// What keeps the joint at `start`.
@@ -318,6 +321,9 @@ mod tests {
         assert!(refusal(&|scene| scene.bodies = vec![scene.bodies[0].clone(); 2000]).contains("at most 1000, found 2000"));
         assert!(refusal(&|scene| scene.joints[0].child = 99).contains("expected two bodies"));
         assert!(refusal(&|scene| scene.joints[0].axis = Vec3::ZERO).contains("unit axis"));
+        let braked_spring = |scene: &mut SceneSpec| (scene.joints[0].brake, scene.joints[0].spring) = (1.0, 1.0);
+        assert!(refusal(&braked_spring).contains("a brake or a spring"));
+        assert!(refusal(&|scene| scene.joints[0].latch = Some(Latch { joint: 99, min: 0.1 })).contains("latch"));
         assert!(refusal(&|scene| scene.success = vec![Condition::Grasped { body: 99 }]).contains("success[0]"));
     }
 }

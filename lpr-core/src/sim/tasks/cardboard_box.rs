@@ -1,6 +1,6 @@
 //! A box whose lid turns about a free hinge, of the tasks that open and close it.
 
-use super::builder::{SceneBuilder, cuboid};
+use super::builder::{SceneBuilder, cuboid, turn_about};
 use crate::scene::Part;
 use crate::sim::scene_spec::{BodyKind, JointKind, JointSpec};
 use glamx::{Pose3, Quat, Vec3};
@@ -31,7 +31,7 @@ pub(super) struct Hinge(pub(super) Vec3);
 impl Hinge {
     /// The motion of the lid by `angle` radians.
     fn turn(self, angle: f32) -> Pose3 {
-        Pose3::from_translation(self.0) * Pose3::from_rotation(Quat::from_rotation_x(angle)) * Pose3::from_translation(-self.0)
+        turn_about(self.0, Vec3::X, angle)
     }
 
     /// The grip that holds the edge of a lid that is open by `angle` radians; `away` metres before that, on the way there.

@@ -1,10 +1,10 @@
 //! A grill whose lid turns about a hinge with friction, of the tasks that open and close it.
 
 use super::Placement;
-use super::builder::{SceneBuilder, cuboid, cylinder_y};
+use super::builder::{SceneBuilder, cuboid, cylinder_y, turn_about};
 use crate::sim::scene_spec::{BodyKind, JointKind, JointSpec};
 use core::f32::consts::FRAC_PI_2;
-use glamx::{Pose3, Quat, Vec2, Vec3};
+use glamx::{Pose3, Vec2, Vec3};
 
 /// Where a grill may stand: its frame is in front of the lid's handle.
 pub(super) const PLACEMENT: Placement =
@@ -41,7 +41,7 @@ const STEEL: [u8; 3] = [175, 180, 188];
 
 /// The motion of the lid by `angle` radians.
 pub(super) fn turn(angle: f32) -> Pose3 {
-    Pose3::from_translation(HINGE) * Pose3::from_rotation(Quat::from_rotation_y(angle)) * Pose3::from_translation(-HINGE)
+    turn_about(HINGE, Vec3::Y, angle)
 }
 
 /// The end of the arc by `angle` radians from `grasp`, and the poses before it.

@@ -8,7 +8,7 @@ use crate::robot::Gripper;
 use crate::scene::Part;
 use crate::sim::scene_spec::{BodyKind, Condition, JointKind, JointSpec};
 use core::f32::consts::FRAC_PI_2;
-use glamx::{Vec2, Vec3};
+use glamx::{Pose3, Vec2, Vec3};
 
 /// The task.
 pub(super) static OPEN_DISHWASHER: Task = Task {
@@ -65,7 +65,7 @@ fn build(_: usize, _: &mut Rng) -> TaskScene {
         latch: None,
     });
     let grasp = grip_pose(BAR, [-90.0 - HAND_PITCH, 0.0, -90.0]);
-    let approach = grasp * glamx::Pose3::from_translation(Vec3::Z * -APPROACH);
+    let approach = grasp * Pose3::from_translation(Vec3::Z * -APPROACH);
     scene.waypoint(approach, Gripper::Open, Motion::Free);
     scene.waypoint(grasp, Gripper::Close, Motion::Linear);
     let bar = Vec3::from(BAR);

@@ -4,9 +4,10 @@ use super::builder::{SceneBuilder, arc_about, cuboid, cylinder_x, cylinder_y, gr
 use super::{Motion, Placement, Task, TaskScene, TaskSet};
 use crate::rng::Rng;
 use crate::robot::Gripper;
+use crate::scene::Part;
 use crate::sim::scene_spec::{BodyKind, Condition, JointKind, JointSpec, Latch};
-use core::f32::consts::FRAC_PI_4;
-use glamx::{Vec2, Vec3};
+use core::f32::consts::{FRAC_PI_2, FRAC_PI_4};
+use glamx::{Pose3, Quat, Vec2, Vec3};
 
 /// The task.
 pub(super) static OPEN_DOOR: Task = Task {
@@ -103,12 +104,12 @@ fn build(_: usize, _: &mut Rng) -> TaskScene {
 }
 
 /// Turns a hand about its approach, so that it opens upwards.
-fn upright() -> glamx::Pose3 {
-    glamx::Pose3::from_rotation(glamx::Quat::from_rotation_z(core::f32::consts::FRAC_PI_2))
+fn upright() -> Pose3 {
+    Pose3::from_rotation(Quat::from_rotation_z(FRAC_PI_2))
 }
 
 /// The lever around its axle: bar and axle.
-fn lever_parts() -> Vec<crate::scene::Part> {
+fn lever_parts() -> Vec<Part> {
     let gap = HINGE.x - 0.5 * DOOR[0] - AXLE.x;
     vec![
         cylinder_y([0.0, -0.5 * LEVER_LENGTH, 0.0], LEVER_RADIUS, LEVER_LENGTH, BRASS),

@@ -4,6 +4,7 @@ use super::builder::{SceneBuilder, arc_about, cuboid, cylinder_z, grip_pose, tur
 use super::{Motion, Placement, Task, TaskScene, TaskSet};
 use crate::rng::Rng;
 use crate::robot::Gripper;
+use crate::scene::Part;
 use crate::sim::scene_spec::{BodyKind, Condition, JointKind, JointSpec};
 use core::f32::consts::{FRAC_PI_2, FRAC_PI_8};
 use glamx::{Vec2, Vec3};
@@ -79,7 +80,7 @@ fn build(_: usize, _: &mut Rng) -> TaskScene {
 }
 
 /// The door around its hinge: frame, window, bar and its two posts.
-fn door_parts() -> Vec<crate::scene::Part> {
+fn door_parts() -> Vec<Part> {
     let from_hinge = |point: [f32; 3]| (Vec3::from(point) - HINGE).to_array();
     let [width, thickness, height] = DOOR;
     let middle = 0.5 * width;

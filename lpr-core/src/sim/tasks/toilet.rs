@@ -1,8 +1,8 @@
 //! A toilet whose seat turns about a free hinge, of the tasks that lift and lower it.
 
-use super::builder::{SceneBuilder, cuboid, cylinder_z};
+use super::builder::{SceneBuilder, cuboid, cylinder_z, turn_about};
 use crate::sim::scene_spec::{BodyKind, JointKind, JointSpec};
-use glamx::{Pose3, Quat, Vec3};
+use glamx::{Pose3, Vec3};
 
 /// Seat slab: width, depth, thickness.
 pub(super) const SEAT: [f32; 3] = [0.225, 0.255, 0.011];
@@ -29,8 +29,7 @@ pub(super) struct Hinge {
 impl Hinge {
     /// The motion of the seat by `angle` radians.
     pub(super) fn turn(&self, angle: f32) -> Pose3 {
-        let turn = Pose3::from_rotation(Quat::from_rotation_x(angle));
-        Pose3::from_translation(self.anchor) * turn * Pose3::from_translation(-self.anchor)
+        turn_about(self.anchor, Vec3::X, angle)
     }
 }
 
