@@ -15,10 +15,15 @@ pub const LINEAR_STEPS: usize = 50;
 ///
 /// When the arm cannot follow to the end: [`Rejection::CurveUnreachable`] or [`Rejection::BranchJump`].
 pub fn linear_path(robot: &Robot, start: &JointConfig, goal: &Pose3) -> Result<JointPath, Rejection> {
+    linear_path_in(LINEAR_STEPS, robot, start, goal)
+}
+
+/// [`linear_path`] in `n_steps` steps.
+pub(crate) fn linear_path_in(n_steps: usize, robot: &Robot, start: &JointConfig, goal: &Pose3) -> Result<JointPath, Rejection> {
     let from = robot.grip(start);
     // The curve whose middle control point lies in the middle is the straight line at constant speed.
     let line = BezierCurve::new(&from, 0.5 * (from.translation + goal.translation), goal);
-    follow(robot, start, LINEAR_STEPS, |t| line.pose(t))
+    follow(robot, start, n_steps, |t| line.pose(t))
 }
 
 #[cfg(test)]

@@ -14,6 +14,8 @@ pub use bezier::{BezierCurve, BezierSettings};
 #[cfg(feature = "sim")]
 pub(crate) use candidates::map_in_order;
 pub use candidates::{CandidatePath, CandidateSet, CandidateSettings, CandidateStreams, PathQuery, RejectedPath, candidates};
+#[cfg(feature = "sim")]
+pub(crate) use linear::linear_path_in;
 pub use linear::{LINEAR_STEPS, linear_path};
 pub use rrt_connect::{Plan, RrtSettings, rrt_connect};
 pub use shortcut::shortcut;

@@ -7,7 +7,7 @@ use super::scene_spec::BodyKind;
 use super::tasks::{Motion, TaskScene, Waypoint};
 use super::world::World;
 use crate::env::{Environment as _, InvalidAction};
-use crate::path::{JointPath, RrtSettings, linear_path, rrt_connect, shortcut};
+use crate::path::{JointPath, RrtSettings, linear_path, linear_path_in, rrt_connect, shortcut};
 use crate::q_attention::NextBestPose;
 use crate::rng::Rng;
 use crate::robot::{JointConfig, Robot};
@@ -18,6 +18,8 @@ use glamx::{Pose3, Quat};
 const POSTURES: usize = 40;
 /// Least difference of two postures, radians.
 const POSTURE_DISTANCE: f32 = 0.1;
+/// Steps of inverse kinematics between two poses of an arc, which are close already.
+const LEG_STEPS: usize = 4;
 /// Planner of the demonstrator's free motions.
 const PLANNER: RrtSettings = RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 4000 };
 
@@ -137,7 +139,7 @@ fn plan_step(robot: &Robot, from: &JointConfig, waypoint: &Waypoint) -> Option<P
         Motion::Through(poses) => {
             let mut configs = vec![*from];
             for pose in poses.iter().chain([&goal]) {
-                let leg = linear_path(robot, &configs[configs.len() - 1], pose).ok()?;
+                let leg = linear_path_in(LEG_STEPS, robot, &configs[configs.len() - 1], pose).ok()?;
                 configs.extend_from_slice(&leg.configs()[1..]);
             }
             JointPath::new(configs).ok().map(PlanStep::Prescribed)

@@ -94,11 +94,11 @@ fn friction_holds_light_and_small_cubes() {
 }
 
 #[test]
-fn a_kilogram_slips_in_force_regulated_fingers_but_stays_in_the_hand() {
-    // The prototype's rigid fingers held it to a tenth of a millimetre; ours give way so that handles can lead them.
-    for (robot, bound) in ROBOTS.into_iter().zip([0.003, 0.018]) {
+fn friction_holds_a_kilogram() {
+    // Most of it is the fingers' play along the way they close, and comes back.
+    for robot in ROBOTS {
         let (shift, turn) = slip(robot, 0.05, 1.0);
-        assert!(shift < bound && turn < 8.0, "{}: {shift} m, {turn} degrees", robot.name);
+        assert!(shift < 2e-3 && turn < 1.0, "{}: {shift} m, {turn} degrees", robot.name);
     }
 }
 

@@ -25,6 +25,14 @@ const EMPTY_WIDTH: f32 = 0.001;
 const FORCE_LEAD_STEPS: f32 = 4.0;
 /// Share of the grip force from which a handle counts as held, and within which of it the force counts as calm.
 const FIRM: f32 = 0.8;
+/// Share of the grip force by which the force has to swing to and fro for the regulator to become slower: rapier's contacts are
+/// as much stiffer as bodies are heavier, and what holds a lid's bar would drop a kilogram.
+const SWING: f32 = 0.2;
+/// By what the regulator's gain is multiplied when the force swings, and in every other physics step.
+const GAIN_CUT: f32 = 0.5;
+const GAIN_GROWTH: f32 = 1.1;
+/// Least share of the compliance.
+const MIN_GAIN: f32 = 0.05;
 
 /// What the gripper holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -52,6 +60,10 @@ pub(super) struct GripperState {
     forces: [f32; 2],
     /// The forces one step earlier.
     last_forces: [f32; 2],
+    /// What the grip force lacked when the fingers last moved, newtons.
+    last_error: f32,
+    /// Share of the compliance that is in use: less while the force swings about what it should be.
+    gain: f32,
     attachment: Option<ImpulseJointHandle>,
     /// An object released but still between the pads, with the width at its release.
     released: Option<(usize, f32)>,
@@ -66,6 +78,8 @@ impl GripperState {
             offset: 0.0,
             forces: [0.0; 2],
             last_forces: [0.0; 2],
+            last_error: 0.0,
+            gain: 1.0,
             attachment: None,
             released: None,
         }
@@ -78,19 +92,29 @@ impl GripperState {
         match self.command {
             Gripper::Open => {
                 self.width = (self.width + travel).min(spec.max_width);
-                self.offset = 0.0;
+                self.offset -= self.offset.clamp(-0.5 * travel, 0.5 * travel);
+                (self.gain, self.last_error) = (1.0, 0.0);
             }
             Gripper::Close if self.attachment.is_some() => {}
             Gripper::Close if self.forces == [0.0; 2] => self.width = (self.width - travel).max(0.0),
             Gripper::Close => {
                 // One motor drives both fingers: it feels their mean; the difference pushes the hand sideways.
                 let error = params.grip_force - 0.5 * (left + right);
-                let closing = (2.0 * params.finger_compliance * error).clamp(-travel, travel);
+                self.adapt_gain(error, params);
+                let closing = (2.0 * params.finger_compliance * self.gain * error).clamp(-travel, travel);
                 self.width = (self.width - closing).clamp(0.0, spec.max_width);
                 let sideways = params.finger_compliance * (left - right);
                 self.offset = (self.offset + sideways).clamp(-params.finger_play, params.finger_play);
             }
         }
+    }
+
+    /// Slows the regulator when the force has passed from well below what it should be to well above, or back.
+    fn adapt_gain(&mut self, error: f32, params: &SimParams) {
+        let swings = error * self.last_error < 0.0 && error.abs().min(self.last_error.abs()) > SWING * params.grip_force;
+        let factor = if swings { GAIN_CUT } else { GAIN_GROWTH };
+        self.gain = (factor * self.gain).clamp(MIN_GAIN, 1.0);
+        self.last_error = error;
     }
 
     /// The forces a few steps ahead: contacts answer late, and a regulator on the last forces alone would oscillate.
@@ -110,10 +134,12 @@ impl GripperState {
         }
     }
 
-    /// Whether the grip force has come near what it will stay at: contacts answer late, so it first goes far beyond.
+    /// Whether the grip force has come near what it will stay at: contacts answer late, so it first goes far beyond, and is right
+    /// for a moment on the way there.
     fn is_calm(&self, params: &SimParams) -> bool {
-        let [left, right] = self.expected_forces();
-        (0.5 * (left + right) - params.grip_force).abs() < (1.0 - FIRM) * params.grip_force
+        let tolerance = (1.0 - FIRM) * params.grip_force;
+        let is_near = |[left, right]: [f32; 2]| (0.5 * (left + right) - params.grip_force).abs() < tolerance;
+        is_near(self.forces) && is_near(self.expected_forces())
     }
 }
 

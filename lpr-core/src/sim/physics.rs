@@ -5,10 +5,10 @@ use super::scene_spec::{BodyKind, BodySpec, JointKind, JointSpec};
 use crate::scene::{Part, Shape};
 use glamx::{Pose3, Quat, Vec3};
 use rapier3d::prelude::{
-    BroadPhaseBvh, CCDSolver, CoefficientCombineRule, ColliderBuilder, ColliderHandle, ColliderSet, GenericJoint, Group,
-    ImpulseJointHandle, ImpulseJointSet, IntegrationParameters, InteractionGroups, InteractionTestMode, IslandManager, JointAxis,
-    MotorModel, MultibodyJointSet, NarrowPhase, PhysicsPipeline, PrismaticJointBuilder, RevoluteJointBuilder, RigidBodyBuilder,
-    RigidBodyHandle, RigidBodySet, SharedShape, SoftBodySet, SpringCoefficients,
+    ActiveHooks, BroadPhaseBvh, CCDSolver, CoefficientCombineRule, ColliderBuilder, ColliderHandle, ColliderSet, GenericJoint,
+    Group, ImpulseJoint, ImpulseJointHandle, ImpulseJointSet, IntegrationParameters, InteractionGroups, InteractionTestMode,
+    IslandManager, JointAxis, MotorModel, MultibodyJointSet, NarrowPhase, PhysicsPipeline, PrismaticJointBuilder,
+    RevoluteJointBuilder, RigidBodyBuilder, RigidBodyHandle, RigidBodySet, SharedShape, SoftBodySet, SpringCoefficients,
 };
 use serde::{Deserialize, Serialize};
 
@@ -21,6 +21,9 @@ pub(super) const ROBOT_GROUP: Group = Group::GROUP_2;
 const BRAKE_DAMPING: f32 = 100.0;
 /// Damping of a spring over its stiffness, seconds: a lever that is let go returns without swinging.
 const SPRING_DAMPING_SECS: f32 = 0.1;
+/// Keeps rapier from recycling the contacts of the robot, since a recycled contact stays in the world where a kinematic body
+/// was: the fingers would leave it behind. Pairs with any hook are never recycled; this one is not called, as nothing is a sensor.
+const NEVER_RECYCLED: ActiveHooks = ActiveHooks::FILTER_INTERSECTION_PAIR;
 /// Earth's gravity along world z, m/s².
 const GRAVITY: Vec3 = Vec3::new(0.0, 0.0, -9.81);
 
@@ -122,6 +125,7 @@ impl Physics {
                 .position(collider_pose(part))
                 .friction(friction)
                 .friction_combine_rule(CoefficientCombineRule::Max)
+                .active_hooks(NEVER_RECYCLED)
                 .collision_groups(InteractionGroups::new(ROBOT_GROUP, SCENE_GROUP, InteractionTestMode::And));
             self.colliders.insert_with_parent(collider, body, &mut self.bodies);
         }
@@ -160,14 +164,19 @@ impl Physics {
         self.impulse_joints.insert(parent, child, joint, true)
     }
 
-    /// Lets a joint move within `limits`, or keeps it where it was at the start.
+    /// Lets a joint move within its limits, or keeps it where it was at the start. Wakes its bodies only when that changes.
     pub(super) fn set_latched(&mut self, joint: ImpulseJointHandle, spec: &JointSpec, latched: Latched) {
         let limits = match latched {
             Latched::Yes => [0.0; 2],
             Latched::No => spec.limits.map(|limit| limit - spec.start),
         };
+        let axis = motion_axis(spec.kind);
+        let is_set = |joint: &ImpulseJoint| joint.data.limits(axis).is_some_and(|now| [now.min, now.max] == limits);
+        if self.impulse_joints.get(joint).is_some_and(is_set) {
+            return;
+        }
         if let Some(joint) = self.impulse_joints.get_mut(joint, true) {
-            joint.data.set_limits(motion_axis(spec.kind), limits);
+            joint.data.set_limits(axis, limits);
         }
     }
 

@@ -21,7 +21,7 @@ use std::sync::Arc;
 /// The first bytes.
 const MAGIC: &[u8; 8] = b"LPRWORLD";
 /// The layout that this program writes and reads.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 /// Length of magic, version and digest.
 const HEADER: usize = 20;
 

@@ -111,7 +111,7 @@ pub(super) fn turn_about(point: Vec3, axis: Vec3, angle: f32) -> Pose3 {
 /// The end of the way of `grasp` under a motion given by its share from 0 to 1, and the poses before it: so many that between two
 /// of them, where the hand goes straight, a heavy lid's hinge feels a tenth of a millimetre.
 pub(super) fn arc_about(grasp: Pose3, motion: impl Fn(f32) -> Pose3) -> (Pose3, Vec<Pose3>) {
-    /// Of them all, a degree and a half apart at most.
+    /// At most two degrees apart in every task.
     const POSES: usize = 57;
     let pose = |idx: usize| motion(idx as f32 / POSES as f32) * grasp;
     (pose(POSES), (1..POSES).map(pose).collect())

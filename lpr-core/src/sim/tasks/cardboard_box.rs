@@ -1,6 +1,6 @@
 //! A box whose lid turns about a free hinge, of the tasks that open and close it.
 
-use super::builder::{SceneBuilder, cuboid, turn_about};
+use super::builder::{SceneBuilder, arc_about, cuboid, turn_about};
 use crate::scene::Part;
 use crate::sim::scene_spec::{BodyKind, JointKind, JointSpec};
 use glamx::{Pose3, Quat, Vec3};
@@ -17,9 +17,6 @@ const GAP: f32 = 0.001;
 const HOLD: f32 = 0.014;
 /// Greatest opening, radians.
 pub(super) const MOST: f32 = 150_f32.to_radians();
-/// Radians between two poses of a demonstrated arc: the hand goes straight there, and a heavy lid's hinge feels a tenth of a
-/// millimetre.
-const ARC_STEP: f32 = 1.5_f32.to_radians();
 
 const CARDBOARD: [u8; 3] = [176, 138, 92];
 const LID_RGB: [u8; 3] = [196, 160, 112];
@@ -40,10 +37,9 @@ impl Hinge {
         self.turn(angle) * Pose3::from_parts(edge, Quat::from_rotation_x(core::f32::consts::FRAC_PI_2))
     }
 
-    /// Grips that hold the lid's edge from one opening to the other, without the first.
-    pub(super) fn arc(self, from: f32, to: f32) -> Vec<Pose3> {
-        let n_steps = libm::ceilf((to - from).abs() / ARC_STEP) as usize;
-        (1..=n_steps).map(|idx| self.hold(from + (to - from) * idx as f32 / n_steps as f32, 0.0)).collect()
+    /// The grip that holds the lid's edge when it has come from one opening to the other, and those on the way.
+    pub(super) fn arc(self, from: f32, to: f32) -> (Pose3, Vec<Pose3>) {
+        arc_about(self.hold(from, 0.0), |share| self.turn(share * (to - from)))
     }
 }
 

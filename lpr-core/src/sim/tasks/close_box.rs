@@ -31,8 +31,7 @@ fn build(_: usize, _: &mut Rng) -> TaskScene {
     let joint = cardboard_box(&mut scene, HINGE, MOST);
     scene.waypoint(HINGE.hold(MOST, 0.08), Gripper::Open, Motion::Free);
     scene.waypoint(HINGE.hold(MOST, 0.0), Gripper::Close, Motion::Linear);
-    let mut arc = HINGE.arc(MOST, LET_GO);
-    let over = arc.pop().expect("the arc has poses");
+    let (over, arc) = HINGE.arc(MOST, LET_GO);
     scene.waypoint(over, Gripper::Close, Motion::Through(arc));
     scene.waypoint(over, Gripper::Open, Motion::Linear);
     let back = Pose3::from_translation(Vec3::new(0.0, 0.056, 0.052)) * over;

@@ -1,7 +1,7 @@
 //! A grill whose lid turns about a hinge with friction, of the tasks that open and close it.
 
 use super::Placement;
-use super::builder::{SceneBuilder, cuboid, cylinder_y, turn_about};
+use super::builder::{SceneBuilder, arc_about, cuboid, cylinder_y, turn_about};
 use crate::sim::scene_spec::{BodyKind, JointKind, JointSpec};
 use core::f32::consts::FRAC_PI_2;
 use glamx::{Pose3, Vec2, Vec3};
@@ -31,9 +31,6 @@ const LID: [f32; 3] = [0.194, 0.291, 0.093];
 const GAP: f32 = 0.001;
 const BAR_RADIUS: f32 = 0.005;
 const BAR_LENGTH: f32 = 0.10;
-/// Poses of a demonstrated arc, a degree apart: between them the hand goes straight, and a heavy lid's hinge feels a tenth of a
-/// millimetre.
-const ARC_POSES: usize = 57;
 
 const ENAMEL: [u8; 3] = [60, 62, 68];
 const LID_RGB: [u8; 3] = [170, 52, 44];
@@ -46,8 +43,7 @@ pub(super) fn turn(angle: f32) -> Pose3 {
 
 /// The end of the arc by `angle` radians from `grasp`, and the poses before it.
 pub(super) fn arc(grasp: Pose3, angle: f32) -> (Pose3, Vec<Pose3>) {
-    let pose = |idx: usize| turn(angle * idx as f32 / ARC_POSES as f32) * grasp;
-    (pose(ARC_POSES), (1..ARC_POSES).map(pose).collect())
+    arc_about(grasp, |share| turn(share * angle))
 }
 
 /// Adds the grill with its lid open by `start` radians; returns the index of the hinge.

@@ -30,8 +30,7 @@ fn build(_: usize, _: &mut Rng) -> TaskScene {
     let joint = cardboard_box(&mut scene, HINGE, 0.0);
     scene.waypoint(HINGE.hold(0.0, 0.067), Gripper::Open, Motion::Free);
     scene.waypoint(HINGE.hold(0.0, 0.0), Gripper::Close, Motion::Linear);
-    let mut arc = HINGE.arc(0.0, DEMONSTRATED);
-    let end = arc.pop().expect("the arc has poses");
+    let (end, arc) = HINGE.arc(0.0, DEMONSTRATED);
     scene.waypoint(end, Gripper::Close, Motion::Through(arc));
     scene.finish(vec![Condition::JointMoved { joint, min: OPEN }])
 }

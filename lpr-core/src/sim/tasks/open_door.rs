@@ -34,7 +34,7 @@ const DOOR_RANGE: f32 = 30_f32.to_radians();
 const AXLE: Vec3 = Vec3::new(0.150, 0.155, 0.478);
 const LEVER_RADIUS: f32 = 0.007;
 const LEVER_LENGTH: f32 = 0.11;
-const LEVER_MASS: f32 = 0.15;
+const LEVER_MASS: f32 = 0.25;
 const LEVER_RANGE: f32 = 35_f32.to_radians();
 /// What turns the lever back, N·m/rad: its own weight turns it by a few degrees.
 const LEVER_SPRING: f32 = 2.0;

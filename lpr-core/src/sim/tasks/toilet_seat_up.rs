@@ -1,6 +1,6 @@
 //! Lift the seat of a toilet: a free hinge that only an arc about it moves.
 
-use super::builder::{SceneBuilder, grip_pose};
+use super::builder::{SceneBuilder, arc_about, grip_pose};
 use super::toilet::{Hinge, toilet};
 use super::{Motion, Placement, Task, TaskScene, TaskSet};
 use crate::rng::Rng;
@@ -25,8 +25,6 @@ const HINGE: Hinge = Hinge { anchor: Vec3::new(-0.006, -0.059, 0.2365), start: 0
 const OPEN: f32 = 1.40;
 /// Opening at which the demonstrator stops: the published arc ends with the hand at a roll of 177 degrees.
 const DEMONSTRATED: f32 = 87.0 / 180.0 * core::f32::consts::PI;
-/// Poses of the demonstrated arc.
-const ARC_POSES: usize = 12;
 
 fn build(_: usize, _: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(TOILET_SEAT_UP.name);
@@ -35,8 +33,7 @@ fn build(_: usize, _: &mut Rng) -> TaskScene {
     let grasp = grip_pose([0.0, 0.182, height], [90.0, 0.0, 0.0]);
     scene.waypoint(grip_pose([0.0, 0.237, height], [90.0, 0.0, 0.0]), Gripper::Open, Motion::Free);
     scene.waypoint(grasp, Gripper::Close, Motion::Linear);
-    let mut arc: Vec<_> = (1..=ARC_POSES).map(|i| HINGE.turn(DEMONSTRATED * i as f32 / ARC_POSES as f32) * grasp).collect();
-    let end = arc.pop().expect("the arc has poses");
+    let (end, arc) = arc_about(grasp, |share| HINGE.turn(share * DEMONSTRATED));
     scene.waypoint(end, Gripper::Close, Motion::Through(arc));
     scene.finish(vec![Condition::JointMoved { joint: hinge, min: OPEN }])
 }
