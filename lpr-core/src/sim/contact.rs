@@ -2,12 +2,13 @@
 
 use super::physics::Physics;
 use super::scene_spec::{BodyKind, SceneSpec};
-use super::world::World;
+use super::world::{FIRST_MOVING_LINK, World};
 use crate::env::InvalidAction;
-use glamx::Vec3;
+use glamx::{Pose3, Vec3};
 use rapier3d::parry::bounding_volume::{Aabb, BoundingVolume as _};
 use rapier3d::parry::query::contact;
-use rapier3d::prelude::{Collider, ColliderHandle, RigidBodyHandle};
+use rapier3d::parry::shape::Shape;
+use rapier3d::prelude::{ColliderHandle, RigidBodyHandle};
 
 impl World {
     /// Contact force on a robot body: the magnitude of the sum over its contacts, newtons.
@@ -42,10 +43,14 @@ impl World {
     }
 
     /// No link may be inside a fixed body: rapier lets kinematic bodies pass through them.
-    pub(super) fn check_penetration(&self) -> Result<(), InvalidAction> {
-        for (idx, link) in self.robot_bodies() {
+    ///
+    /// `frames` are those of links and fingers; physics does not know of all of them (see `near`).
+    pub(super) fn check_penetration<'a>(&self, frames: impl Iterator<Item = &'a Pose3>) -> Result<(), InvalidAction> {
+        for ((idx, link), frame) in self.robot_bodies().zip(frames.skip(FIRST_MOVING_LINK)) {
             for collider in self.physics.colliders_of(link) {
-                if let Some(body) = self.penetrated_by(&self.physics.colliders[*collider]) {
+                let collider = &self.physics.colliders[*collider];
+                let local = collider.position_wrt_parent().copied().unwrap_or_default();
+                if let Some(body) = self.penetrated_by(collider.shape(), &(*frame * local)) {
                     return Err(InvalidAction::Collision { link: Self::robot_body_name(idx), body });
                 }
             }
@@ -53,16 +58,16 @@ impl World {
         Ok(())
     }
 
-    /// The first fixed body that `link` is inside of.
-    fn penetrated_by(&self, link: &Collider) -> Option<usize> {
-        let link_aabb = link.compute_aabb();
-        let mut near = self.fixed.iter().filter(|part| part.aabb.intersects(&link_aabb));
-        near.find(|part| self.penetrates(link, part)).map(|part| part.body)
+    /// The first fixed body that a collider of the robot is inside of.
+    fn penetrated_by(&self, shape: &dyn Shape, pose: &Pose3) -> Option<usize> {
+        let aabb = shape.compute_aabb(pose);
+        let mut near = self.fixed.iter().filter(|part| part.aabb.intersects(&aabb));
+        near.find(|part| self.penetrates(shape, pose, part)).map(|part| part.body)
     }
 
-    fn penetrates(&self, link: &Collider, part: &FixedPart) -> bool {
+    fn penetrates(&self, shape: &dyn Shape, pose: &Pose3, part: &FixedPart) -> bool {
         let fixed = &self.physics.colliders[part.collider];
-        let found = contact(link.position(), link.shape(), fixed.position(), fixed.shape(), 0.0);
+        let found = contact(pose, shape, fixed.position(), fixed.shape(), 0.0);
         matches!(found, Ok(Some(contact)) if contact.dist < -self.params.abort_penetration)
     }
 }

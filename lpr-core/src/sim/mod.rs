@@ -28,6 +28,7 @@ pub mod feasibility;
 #[cfg(test)]
 mod grasps;
 mod gripper;
+mod near;
 mod observing;
 mod params;
 mod physics;

@@ -8,6 +8,7 @@
 use super::contact::fixed_parts;
 use super::env::SimEnvironment;
 use super::gripper::GripperState;
+use super::near::Balls;
 use super::params::SimParams;
 use super::physics::Physics;
 use super::scene_spec::SceneSpec;
@@ -48,7 +49,7 @@ impl World {
     ///
     /// [`Error::Snapshot`] when something of the state has no representation.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
-        let Self { physics, params, robot, spec, bodies, joints, fixed: _, links, fingers, gripper, config } = self;
+        let Self { physics, params, robot, spec, bodies, joints, fixed: _, balls: _, links, fingers, gripper, config } = self;
         let origin: Origin<'_> = (rapier3d::VERSION, robot.name);
         let state = (params, spec.as_ref(), bodies, joints, links, fingers, gripper, config, physics);
         let payload = postcard::to_allocvec(&(origin, state)).map_err(|error| Error::Snapshot(error.to_string()))?;
@@ -89,7 +90,8 @@ impl World {
             return Err(Error::Snapshot("its joints are not those of its scene".to_owned()));
         }
         let fixed = fixed_parts(&spec, &physics, &bodies).into();
-        Ok(Self { physics, params, robot, spec: Arc::new(spec), bodies, joints, fixed, links, fingers, gripper, config })
+        let balls = Balls::new(&physics, &links, &bodies).into();
+        Ok(Self { physics, params, robot, spec: Arc::new(spec), bodies, joints, fixed, balls, links, fingers, gripper, config })
     }
 }
 

@@ -3,6 +3,7 @@
 use super::arm::link_parts;
 use super::contact::{FixedPart, fixed_parts};
 use super::gripper::{GripperState, finger_parts, finger_poses};
+use super::near::Balls;
 use super::params::SimParams;
 use super::physics::{Latched, Physics};
 use super::scene_spec::{BodyKind, Condition, JointKind, JointSpec, SceneSpec};
@@ -17,7 +18,7 @@ use std::sync::Arc;
 pub use super::gripper::Holding;
 
 /// Index of the first link that can hit anything: the base and link 1 stand on the table by design.
-const FIRST_MOVING_LINK: usize = 2;
+pub(super) const FIRST_MOVING_LINK: usize = 2;
 
 /// How far a latched joint has to be from its start for its latch to miss it, radians or metres.
 const LATCH_DEPTH: f32 = 0.02;
@@ -32,6 +33,7 @@ pub struct World {
     pub(super) bodies: Vec<RigidBodyHandle>,
     pub(super) joints: Vec<ImpulseJointHandle>,
     pub(super) fixed: Arc<[FixedPart]>,
+    pub(super) balls: Arc<Balls>,
     pub(super) links: [RigidBodyHandle; N_LINKS],
     pub(super) fingers: [RigidBodyHandle; 2],
     pub(super) gripper: GripperState,
@@ -74,6 +76,7 @@ impl World {
         let finger_parts = finger_parts(&robot.gripper);
         let fingers =
             core::array::from_fn(|side| physics.insert_robot_body(fingers[side], &finger_parts[side], params.pad_friction));
+        let balls = Balls::new(&physics, &links, &bodies).into();
         Ok(Self {
             physics,
             params: params.clone(),
@@ -82,6 +85,7 @@ impl World {
             bodies,
             joints,
             fixed,
+            balls,
             links,
             fingers,
             gripper: GripperState::open(&robot.gripper),
@@ -96,21 +100,19 @@ impl World {
     /// The reason why the motion is no longer one that a real arm could make; the world has then taken the step.
     pub fn step(&mut self, config: &JointConfig) -> Result<(), InvalidAction> {
         self.check_speed(config)?;
-        self.config = *config;
+        let last = core::mem::replace(&mut self.config, *config);
         self.gripper.advance(&self.params, &self.robot.gripper);
         let (frames, grip) = self.robot.link_frames_and_grip(config);
-        for (link, frame) in self.links.iter().zip(frames) {
-            self.physics.bodies[*link].set_next_kinematic_position(frame);
-        }
+        self.move_links(&last, &frames);
         let fingers = finger_poses(&grip, self.gripper.width, self.gripper.offset);
-        for (finger, pose) in self.fingers.iter().zip(fingers) {
-            self.physics.bodies[*finger].set_next_kinematic_position(pose);
+        for (finger, pose) in self.fingers.iter().zip(&fingers) {
+            self.physics.bodies[*finger].set_next_kinematic_position(*pose);
         }
         self.update_latches();
         self.physics.step();
         self.rest_fallen();
         self.update_grasp();
-        self.check_penetration()?;
+        self.check_penetration(frames.iter().chain(&fingers))?;
         self.check_forces()
     }
 
