@@ -62,15 +62,15 @@ impl Balls {
 impl World {
     /// Moves the links to `frames` during the next physics step, coming from `last`; takes in and leaves out what came near or went.
     pub(super) fn move_links(&mut self, last: &JointConfig, frames: &[Pose3; N_LINKS]) {
-        for link in 0..N_LINKS {
-            let is_near = self.balls.is_near(&self.physics, link, &frames[link]);
+        for (link, frame) in frames.iter().enumerate() {
+            let is_near = self.balls.is_near(&self.physics, link, frame);
             let body = &mut self.physics.bodies[self.links[link]];
             if is_near && !body.is_enabled() {
                 body.set_position(self.robot.link_frames(last)[link], false);
             }
             body.set_enabled(is_near);
             if is_near {
-                body.set_next_kinematic_position(frames[link]);
+                body.set_next_kinematic_position(*frame);
             }
         }
     }
@@ -109,7 +109,7 @@ mod tests {
     fn a_link_that_comes_near_pushes_what_it_meets_and_is_left_out_again() {
         let mut world = beside_a_post();
         let start = world.body_pose(0).translation;
-        let mut turn = |world: &mut World, to: f32| {
+        let turn = |world: &mut World, to: f32| {
             for _ in 0..400 {
                 let mut config = *world.config();
                 config[0] += (to - config[0]).clamp(-0.01, 0.01);
