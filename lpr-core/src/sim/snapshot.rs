@@ -224,7 +224,7 @@ mod tests {
         assert_eq!(refusal(snapshot(), &PANDA), "snapshot: of the robot `xarm7`, expected `panda`");
         let mut other = snapshot().to_vec();
         other[8] = 7;
-        assert_eq!(refusal(&other, &XARM7), "snapshot: version 7 is unknown, this program reads version 1");
+        assert_eq!(refusal(&other, &XARM7), "snapshot: version 7 is unknown, this program reads version 2");
         assert!(refusal(b"PK\x03\x04 something else entirely", &XARM7).contains("no snapshot"));
         assert!(refusal(b"LPR", &XARM7).contains("3 bytes"));
         let payload = postcard::to_allocvec(&("0.35.2", "xarm7")).expect("bytes");

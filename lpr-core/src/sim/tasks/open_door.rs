@@ -37,7 +37,7 @@ const LEVER_LENGTH: f32 = 0.11;
 const LEVER_MASS: f32 = 0.25;
 const LEVER_RANGE: f32 = 35_f32.to_radians();
 /// What turns the lever back, N·m/rad: its own weight turns it by a few degrees.
-const LEVER_SPRING: f32 = 2.0;
+const LEVER_SPRING: f32 = 3.0;
 /// Lever at which the latch lets go, and at which the demonstrator stops, radians.
 const UNLATCHED: f32 = 25_f32.to_radians();
 const LEVER_DEMONSTRATED: f32 = 30_f32.to_radians();
