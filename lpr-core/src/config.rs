@@ -240,7 +240,7 @@ mod tests {
     #[test]
     fn numbers_out_of_their_range_are_named() {
         for number in ["-0.1", "nan", "inf", "-inf"] {
-            let message = refusal("sigma = 0.05", &format!("sigma = {number}"));
+            let message = refusal("sigma = 0.07", &format!("sigma = {number}"));
             assert!(message.contains("candidates.bezier.sigma"), "{message}");
         }
         assert!(refusal("planner_paths = 20", "planner_paths = -20").contains("candidates.planner_paths"));

@@ -100,9 +100,9 @@ fn a_preset_file_is_refused_by_the_setting_at_fault() {
         (replaced("bezier_paths = 2", "bezier_paths = 2.5"), "invalid type: floating point `2.5`"),
         (replaced("bezier_paths = 2", "bezier_paths ="), "TOML parse error"),
         (replaced("config_widths = [8, 16]", "config_widths = 8"), "invalid type: integer `8`"),
-        (replaced("sigma = 0.05", "sigma = nan"), "candidates.bezier.sigma: expected a finite number from 0, found NaN"),
-        (replaced("sigma = 0.05", "sigma = -inf"), "candidates.bezier.sigma"),
-        (replaced("sigma = 0.05", "sigma = 1e400"), "TOML parse error"),
+        (replaced("sigma = 0.07", "sigma = nan"), "candidates.bezier.sigma: expected a finite number from 0, found NaN"),
+        (replaced("sigma = 0.07", "sigma = -inf"), "candidates.bezier.sigma"),
+        (replaced("sigma = 0.07", "sigma = 1e400"), "TOML parse error"),
         (String::new(), "missing field `candidates`"),
     ] {
         let error = preset_refusal(text);

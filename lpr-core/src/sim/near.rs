@@ -84,19 +84,19 @@ mod tests {
     use crate::sim::{BodyKind, BodySpec, SceneSpec, SimParams};
     use std::sync::Arc;
 
-    /// A post beside the arm, which turns to it about its base.
+    /// A post in the way of the arm when it turns about its base.
     fn beside_a_post() -> World {
         let post = |kind, x, half_extents: Vec3| BodySpec {
             name: "post".to_owned(),
             kind,
-            pose: Pose3::from_translation(Vec3::new(x, 0.25, half_extents.z)),
+            pose: Pose3::from_translation(Vec3::new(x, 0.2, half_extents.z)),
             parts: vec![Part::new(Shape::Cuboid { half_extents }, Pose3::IDENTITY, [180; 3])],
             mass: 0.2,
             friction: 0.5,
         };
         let table =
             BodySpec { pose: Pose3::from_translation(Vec3::Z * -0.02), ..post(BodyKind::Fixed, 0.0, Vec3::new(1.0, 1.0, 0.02)) };
-        let bodies = vec![post(BodyKind::Dynamic, 0.25, Vec3::new(0.03, 0.03, 0.1)), table];
+        let bodies = vec![post(BodyKind::Dynamic, 0.2, Vec3::new(0.03, 0.03, 0.2)), table];
         let spec = SceneSpec { task: "post".to_owned(), bodies, joints: Vec::new(), success: Vec::new() };
         World::new(Arc::new(spec), &XARM7, XARM7.start, &SimParams::STANDARD).unwrap()
     }

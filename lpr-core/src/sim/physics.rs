@@ -8,7 +8,8 @@ use rapier3d::prelude::{
     ActiveHooks, BroadPhaseBvh, CCDSolver, CoefficientCombineRule, ColliderBuilder, ColliderHandle, ColliderSet, GenericJoint,
     Group, ImpulseJoint, ImpulseJointHandle, ImpulseJointSet, IntegrationParameters, InteractionGroups, InteractionTestMode,
     IslandManager, JointAxis, MotorModel, MultibodyJointSet, NarrowPhase, PhysicsPipeline, PrismaticJointBuilder,
-    RevoluteJointBuilder, RigidBodyBuilder, RigidBodyHandle, RigidBodySet, SharedShape, SoftBodySet, SpringCoefficients,
+    RevoluteJointBuilder, RigidBodyActivation, RigidBodyBuilder, RigidBodyHandle, RigidBodySet, SharedShape, SoftBodySet,
+    SpringCoefficients,
 };
 use serde::{Deserialize, Serialize};
 
@@ -160,6 +161,8 @@ impl Physics {
         } else if spec.spring > 0.0 {
             let damping = SPRING_DAMPING_SECS * spec.spring;
             joint.set_motor_model(axis, MotorModel::ForceBased).set_motor_position(axis, 0.0, spec.spring, damping);
+            // Held still for a while and let go, it would fall asleep on its way back.
+            *self.bodies[child].activation_mut() = RigidBodyActivation::cannot_sleep();
         }
         self.impulse_joints.insert(parent, child, joint, true)
     }
