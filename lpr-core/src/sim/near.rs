@@ -84,43 +84,40 @@ mod tests {
     use crate::sim::{BodyKind, BodySpec, SceneSpec, SimParams};
     use std::sync::Arc;
 
-    /// A post in the way of the arm when it turns about its base.
-    fn beside_a_post() -> World {
-        let post = |kind, x, half_extents: Vec3| BodySpec {
-            name: "post".to_owned(),
+    /// A cube on a pillar in the way of the hand when the arm turns about its base.
+    fn beside_a_pillar() -> World {
+        let body = |name: &str, kind, z, half_extents| BodySpec {
+            name: name.to_owned(),
             kind,
-            pose: Pose3::from_translation(Vec3::new(x, 0.2, half_extents.z)),
+            pose: Pose3::from_translation(Vec3::new(0.21, 0.21, z)),
             parts: vec![Part::new(Shape::Cuboid { half_extents }, Pose3::IDENTITY, [180; 3])],
             mass: 0.2,
             friction: 0.5,
         };
-        let table =
-            BodySpec { pose: Pose3::from_translation(Vec3::Z * -0.02), ..post(BodyKind::Fixed, 0.0, Vec3::new(1.0, 1.0, 0.02)) };
-        let bodies = vec![post(BodyKind::Dynamic, 0.2, Vec3::new(0.03, 0.03, 0.2)), table];
-        let spec = SceneSpec { task: "post".to_owned(), bodies, joints: Vec::new(), success: Vec::new() };
+        let cube = body("cube", BodyKind::Dynamic, 0.34, Vec3::splat(0.04));
+        let pillar = body("pillar", BodyKind::Fixed, 0.15, Vec3::new(0.03, 0.03, 0.15));
+        let spec = SceneSpec { task: "pillar".to_owned(), bodies: vec![cube, pillar], joints: Vec::new(), success: Vec::new() };
         World::new(Arc::new(spec), &XARM7, XARM7.start, &SimParams::STANDARD).unwrap()
     }
 
-    fn simulated(world: &World) -> usize {
-        world.links.iter().filter(|link| world.physics.bodies[**link].is_enabled()).count()
-    }
-
     #[test]
-    fn links_are_left_out_far_from_a_post_and_push_it_when_they_come() {
-        let mut world = beside_a_post();
+    fn the_wrist_is_left_out_far_from_a_cube_and_there_when_the_hand_pushes_it() {
+        let mut world = beside_a_pillar();
         let start = world.body_pose(0).translation;
+        // In how many steps on the way the wrist is simulated.
         let turn = |world: &mut World, to: f32| {
-            for _ in 0..400 {
+            let step = |_: &usize| {
                 let mut config = *world.config();
                 config[0] += (to - config[0]).clamp(-0.01, 0.01);
                 let _ = world.step(&config);
-            }
+                world.physics.bodies[world.links[HAND - 1]].is_enabled()
+            };
+            (0..300).filter(step).count()
         };
         turn(&mut world, -1.5);
-        let far = simulated(&world);
-        assert!(world.body_pose(0).translation.distance(start) < 1e-3, "nothing has touched the post");
-        turn(&mut world, 1.5);
-        assert!(far < simulated(&world), "{far} links are simulated far from the post, {} beside it", simulated(&world));
-        assert!(world.body_pose(0).translation.distance(start) > 0.05, "the post stands at {}", world.body_pose(0).translation);
+        assert_eq!(turn(&mut world, -1.5), 0, "the wrist is far away");
+        assert!(world.body_pose(0).translation.distance(start) < 1e-3, "nothing has touched the cube");
+        assert!(turn(&mut world, 1.5) > 0, "the wrist comes near");
+        assert!(world.body_pose(0).translation.distance(start) > 0.05, "the cube is at {}", world.body_pose(0).translation);
     }
 }
