@@ -4,6 +4,7 @@
 //! from all that moves most of the time; each that is left out spares a step about a hundredth of its time.
 
 use super::physics::Physics;
+use super::scene_spec::{BodyKind, BodySpec, SceneSpec};
 use super::world::World;
 use crate::robot::{HAND, JointConfig, N_LINKS};
 use glamx::{Pose3, Vec3};
@@ -39,23 +40,33 @@ pub(super) struct Balls {
 }
 
 impl Balls {
-    pub(super) fn new(physics: &Physics, links: &[RigidBodyHandle; N_LINKS], bodies: &[RigidBodyHandle]) -> Self {
-        let movable = bodies.iter().filter(|body| physics.bodies[**body].is_dynamic());
+    /// `bodies` are those of `spec`, in its order.
+    pub(super) fn new(
+        physics: &Physics,
+        spec: &SceneSpec,
+        links: &[RigidBodyHandle; N_LINKS],
+        bodies: &[RigidBodyHandle],
+    ) -> Self {
+        let can_move = |(spec, _): &(&BodySpec, _)| matches!(spec.kind, BodyKind::Dynamic | BodyKind::Graspable);
+        let movable = spec.bodies.iter().zip(bodies).filter(can_move);
         Self {
             links: links.map(|link| Ball::around(physics, link)),
-            movable: movable.filter_map(|body| Some((*body, Ball::around(physics, *body)?))).collect(),
+            movable: movable.filter_map(|(_, body)| Some((*body, Ball::around(physics, *body)?))).collect(),
         }
     }
 
     /// Whether a link whose frame is `frame` is near something that can move. The hand always counts: it may hold something.
     fn is_near(&self, physics: &Physics, link: usize, frame: &Pose3) -> bool {
+        if link == HAND {
+            return true;
+        }
         let Some(ball) = self.links[link] else { return false };
         let center = frame.transform_point(ball.center);
         let meets = |(body, other): &(RigidBodyHandle, Ball)| {
             let reach = ball.radius + other.radius + NEAR;
             physics.bodies[*body].position().transform_point(other.center).distance_squared(center) < reach * reach
         };
-        link == HAND || self.movable.iter().any(meets)
+        self.movable.iter().any(meets)
     }
 }
 
@@ -81,7 +92,7 @@ mod tests {
     use super::*;
     use crate::robot::XARM7;
     use crate::scene::{Part, Shape};
-    use crate::sim::{BodyKind, BodySpec, SceneSpec, SimParams};
+    use crate::sim::SimParams;
     use std::sync::Arc;
 
     /// A box on a pillar in the way of the hand when the arm turns about its base.

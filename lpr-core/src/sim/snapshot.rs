@@ -90,7 +90,7 @@ impl World {
             return Err(Error::Snapshot("its joints are not those of its scene".to_owned()));
         }
         let fixed = fixed_parts(&spec, &physics, &bodies).into();
-        let balls = Balls::new(&physics, &links, &bodies).into();
+        let balls = Balls::new(&physics, &spec, &links, &bodies).into();
         Ok(Self { physics, params, robot, spec: Arc::new(spec), bodies, joints, fixed, balls, links, fingers, gripper, config })
     }
 }

@@ -76,7 +76,7 @@ impl World {
         let finger_parts = finger_parts(&robot.gripper);
         let fingers =
             core::array::from_fn(|side| physics.insert_robot_body(fingers[side], &finger_parts[side], params.pad_friction));
-        let balls = Balls::new(&physics, &links, &bodies).into();
+        let balls = Balls::new(&physics, &spec, &links, &bodies).into();
         Ok(Self {
             physics,
             params: params.clone(),
