@@ -2,8 +2,9 @@
 
 use super::physics::Physics;
 use super::scene_spec::{BodyKind, SceneSpec};
-use super::world::{FIRST_MOVING_LINK, World};
+use super::world::World;
 use crate::env::InvalidAction;
+use crate::robot::N_LINKS;
 use glamx::{Pose3, Vec3};
 use rapier3d::parry::bounding_volume::{Aabb, BoundingVolume as _};
 use rapier3d::parry::query::contact;
@@ -44,13 +45,14 @@ impl World {
 
     /// No link may be inside a fixed body: rapier lets kinematic bodies pass through them.
     ///
-    /// `frames` are those of links and fingers; physics does not know of all of them (see `near`).
-    pub(super) fn check_penetration<'a>(&self, frames: impl Iterator<Item = &'a Pose3>) -> Result<(), InvalidAction> {
-        for ((idx, link), frame) in self.robot_bodies().zip(frames.skip(FIRST_MOVING_LINK)) {
+    /// `poses` are those of links and fingers, in the order of [`World::robot_items`]: physics leaves some links where they were
+    /// (see `near`).
+    pub(super) fn check_penetration(&self, poses: &[Pose3; N_LINKS + 2]) -> Result<(), InvalidAction> {
+        for (idx, link) in self.robot_bodies() {
             for collider in self.physics.colliders_of(link) {
                 let collider = &self.physics.colliders[*collider];
                 let local = collider.position_wrt_parent().copied().unwrap_or_default();
-                if let Some(body) = self.penetrated_by(collider.shape(), &(*frame * local)) {
+                if let Some(body) = self.penetrated_by(collider.shape(), &(poses[idx] * local)) {
                     return Err(InvalidAction::Collision { link: Self::robot_body_name(idx), body });
                 }
             }

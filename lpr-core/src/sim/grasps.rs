@@ -95,7 +95,7 @@ fn friction_holds_light_and_small_cubes() {
 
 #[test]
 fn friction_holds_a_kilogram() {
-    // Most of it is the fingers' play along the way they close, and comes back.
+    // Most of it is the fingers giving way sideways, under the weight of the tilted cube.
     for robot in ROBOTS {
         let (shift, turn) = slip(robot, 0.05, 1.0);
         assert!(shift < 2e-3 && turn < 1.0, "{}: {shift} m, {turn} degrees", robot.name);

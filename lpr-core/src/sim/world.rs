@@ -18,7 +18,7 @@ use std::sync::Arc;
 pub use super::gripper::Holding;
 
 /// Index of the first link that can hit anything: the base and link 1 stand on the table by design.
-pub(super) const FIRST_MOVING_LINK: usize = 2;
+const FIRST_MOVING_LINK: usize = 2;
 
 /// How far a latched joint has to be from its start for its latch to miss it, radians or metres.
 const LATCH_DEPTH: f32 = 0.02;
@@ -112,7 +112,7 @@ impl World {
         self.physics.step();
         self.rest_fallen();
         self.update_grasp();
-        self.check_penetration(frames.iter().chain(&fingers))?;
+        self.check_penetration(&core::array::from_fn(|idx| if idx < N_LINKS { frames[idx] } else { fingers[idx - N_LINKS] }))?;
         self.check_forces()
     }
 
