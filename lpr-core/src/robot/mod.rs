@@ -2,6 +2,7 @@
 //!
 //! The base is the world frame, z up, table top at z = 0. Joints are modified-DH rows as in `T = Rx(alpha) Tx(a) Rz(q) Tz(d)`.
 
+mod chain;
 mod geometry;
 #[cfg(test)]
 mod golden;
@@ -16,6 +17,7 @@ use core::ops::{Deref, DerefMut};
 use glamx::{DPose3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
+pub use chain::{Chain, ChainJoint, ChainLink, Motion, N_BODIES};
 pub use geometry::{Finger, GripperBox, MAX_OVERSHOOT};
 pub use ik::{IkBranches, MAX_STEP_CHANGE};
 pub use panda::PANDA;
