@@ -32,6 +32,7 @@ pub mod env;
 pub mod error;
 #[cfg(feature = "learn")]
 pub mod evaluate;
+mod lanes;
 #[cfg(feature = "learn")]
 pub mod learner;
 #[cfg(feature = "learn")]

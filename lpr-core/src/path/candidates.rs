@@ -234,7 +234,7 @@ impl Generator<'_> {
         self.first_success(|draw| {
             let goal = free_goals[(goal_idx + draw) % free_goals.len()];
             let rng = &mut self.streams.rng(Stream::Planner, path_idx * self.settings.draws_per_path + draw);
-            let plan = rrt_connect(self.query.robot, &checker, &self.query.start, &[goal], &self.settings.rrt, rng)?;
+            let plan = rrt_connect(&checker, &self.query.start, &[goal], &self.settings.rrt, rng)?;
             Ok(shortcut(&plan.path, &checker).subdivide(self.settings.path_len))
         })
     }

@@ -7,7 +7,9 @@ mod follow;
 mod linear;
 mod rrt_connect;
 mod shortcut;
+mod simplify;
 mod timing;
+mod tree;
 
 pub use baseline::{c2farm_path, linear_candidate};
 pub use bezier::{BezierCurve, BezierSettings};
@@ -17,8 +19,9 @@ pub use candidates::{CandidatePath, CandidateSet, CandidateSettings, CandidateSt
 #[cfg(feature = "sim")]
 pub(crate) use linear::linear_path_in;
 pub use linear::{LINEAR_STEPS, linear_path};
-pub use rrt_connect::{Plan, RrtSettings, rrt_connect};
+pub use rrt_connect::{FINER, Plan, RrtSettings, rrt_connect};
 pub use shortcut::shortcut;
+pub use simplify::simplify;
 pub use timing::{TimedPath, TimingSettings};
 
 use crate::error::{Error, Result};
@@ -75,7 +78,7 @@ impl JointPath {
     /// Length in configuration space: the sum of Euclidean distances, radians.
     #[must_use]
     pub fn length(&self) -> f32 {
-        self.0.windows(2).map(|pair| pair[0].distance(&pair[1])).sum()
+        path_length(&self.0)
     }
 
     /// The path at `n_configs` points equally spaced in joint-space arc length; both ends are exact.
@@ -136,6 +139,11 @@ impl JointPath {
         }
         Self(divided)
     }
+}
+
+/// Sum of the distances between neighbours, radians.
+fn path_length(configs: &[JointConfig]) -> f32 {
+    configs.windows(2).map(|pair| pair[0].distance(&pair[1])).sum()
 }
 
 /// Which generator made a path.

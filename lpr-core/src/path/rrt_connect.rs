@@ -9,13 +9,25 @@
 //! - A joint that turns further than once is sampled within half a turn of the start and the goals: a shortest path winds no
 //!   further.
 
+use super::tree::Tree;
 use super::{JointPath, Rejection};
 use crate::rng::Rng;
-use crate::robot::{DOF, JointConfig, Robot};
+use crate::robot::{DOF, JointConfig};
 use crate::scene::MotionChecker;
 use core::f32::consts::PI;
 use rand::RngExt as _;
 use serde::{Deserialize, Serialize};
+
+/// Resolution at which a path found is looked at, in resolutions of the search.
+pub const FINER: f32 = 2.0;
+
+/// Distance up to which a vertex is extended after its first failure, radians; it shrinks with further failures and grows with
+/// successes by [`ADAPTATION`]. "Dynamic-domain RRTs" (IROS 2005), "Adaptive tuning of the sampling domain" (ICRA 2005).
+const DOMAIN: f32 = 4.0;
+/// Least such distance, radians.
+const LEAST_DOMAIN: f32 = 1.0;
+/// Relative change of such a distance.
+const ADAPTATION: f32 = 1e-4;
 
 /// Numbers of [`rrt_connect`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -40,11 +52,13 @@ pub struct Plan {
 
 /// A free path from `start` to any of `goals`.
 ///
+/// The path found is looked at once more, at [`FINER`] times the checker's resolution. Should it turn out to hit something
+/// between two checks, the search is repeated at that resolution.
+///
 /// # Errors
 ///
 /// A [`Rejection`]: no goals, ends that collide, or no path within the iterations.
 pub fn rrt_connect(
-    robot: &Robot,
     checker: &MotionChecker<'_>,
     start: &JointConfig,
     goals: &[JointConfig],
@@ -61,18 +75,36 @@ pub fn rrt_connect(
     if goals.is_empty() {
         return Err(Rejection::GoalCollides);
     }
+    let fine = checker.finer(FINER);
+    let coarse = search(checker, start, &goals, settings, rng);
+    let plan = match coarse {
+        Ok(plan) if !fine.path_is_free(plan.path.configs()) => search(&fine, start, &goals, settings, rng)
+            .map(|finer| Plan { iterations: plan.iterations + finer.iterations, ..finer }),
+        result => result,
+    };
+    checker.count(&fine);
+    plan
+}
+
+fn search(
+    checker: &MotionChecker<'_>,
+    start: &JointConfig,
+    goals: &[JointConfig],
+    settings: &RrtSettings,
+    rng: &mut Rng,
+) -> Result<Plan, Rejection> {
     if let Some(goal) = goals.iter().find(|goal| checker.motion_is_free(start, goal)) {
         return Ok(Plan { path: JointPath(vec![*start, *goal]), iterations: 0 });
     }
-    let bounds = sampling_bounds(robot, start, &goals);
-    let (mut grown, mut other) = (Tree::new(Root::Start, &[*start]), Tree::new(Root::Goal, &goals));
+    let bounds = sampling_bounds(checker.arm().limits(), start, goals);
+    let (mut grown, mut other) = (Side::new(Root::Start, checker, &[*start]), Side::new(Root::Goal, checker, goals));
     for iteration in 1..=settings.max_iterations {
-        if grown.configs.len() > other.configs.len() {
+        if grown.tree.len() > other.tree.len() {
             core::mem::swap(&mut grown, &mut other);
         }
         let sample = JointConfig(bounds.map(|(lower, upper)| lower + (upper - lower) * rng.random::<f32>()));
         if let Some(leaf) = grown.extend(&sample, checker, settings.range)
-            && let Some(meeting) = other.connect(&grown.configs[leaf], checker, settings.range)
+            && let Some(meeting) = other.connect(grown.tree.config(leaf), checker, settings.range)
         {
             return Ok(Plan { path: join(&grown, leaf, &other, meeting), iterations: iteration });
         }
@@ -81,19 +113,19 @@ pub fn rrt_connect(
 }
 
 /// Range of every joint that is sampled.
-fn sampling_bounds(robot: &Robot, start: &JointConfig, goals: &[JointConfig]) -> [(f32, f32); DOF] {
+fn sampling_bounds(limits: &[(f32, f32); DOF], start: &JointConfig, goals: &[JointConfig]) -> [(f32, f32); DOF] {
     core::array::from_fn(|j| {
         let (low, high) = goals.iter().fold((start[j], start[j]), |(low, high), goal| (goal[j].min(low), goal[j].max(high)));
-        (robot.joints[j].lower.max(low - PI), robot.joints[j].upper.min(high + PI))
+        (limits[j].0.max(low - PI), limits[j].1.min(high + PI))
     })
 }
 
 /// The path from the start to a goal through a leaf of one tree and the vertex of the other where they met.
-fn join(grown: &Tree, leaf: usize, other: &Tree, meeting: usize) -> JointPath {
+fn join(grown: &Side, leaf: usize, other: &Side, meeting: usize) -> JointPath {
     // The meeting vertex is the leaf itself.
-    let mut configs = grown.to_root(leaf);
+    let mut configs = grown.tree.to_root(leaf);
     configs.reverse();
-    configs.extend(other.to_root(meeting).into_iter().skip(1));
+    configs.extend(other.tree.to_root(meeting).into_iter().skip(1));
     if grown.root == Root::Goal {
         configs.reverse();
     }
@@ -107,65 +139,58 @@ enum Root {
     Goal,
 }
 
-/// A tree, or several with one root each.
-struct Tree {
+/// One of the two trees with the domains of its vertices.
+struct Side {
     root: Root,
-    configs: Vec<JointConfig>,
-    /// Index of every vertex's parent; roots are their own.
-    parents: Vec<usize>,
+    tree: Tree,
+    /// Distance up to which a vertex is extended, radians.
+    domains: Vec<f32>,
 }
 
-impl Tree {
-    fn new(root: Root, roots: &[JointConfig]) -> Self {
-        Self { root, configs: roots.to_vec(), parents: (0..roots.len()).collect() }
+impl Side {
+    fn new(root: Root, checker: &MotionChecker<'_>, roots: &[JointConfig]) -> Self {
+        Self { root, tree: Tree::new(checker.arm().level, roots), domains: vec![f32::INFINITY; roots.len()] }
     }
 
-    /// One edge of at most `range` towards `target`, if it is free: the new vertex.
+    /// One edge of at most `range` towards `target`, if that lies in the domain of the nearest vertex and the edge is free: the
+    /// new vertex.
     fn extend(&mut self, target: &JointConfig, checker: &MotionChecker<'_>, range: f32) -> Option<usize> {
-        let from = self.nearest(target);
-        self.step(from, target, checker, range)
+        let (from, distance) = self.tree.nearest(target);
+        if distance > self.domains[from] {
+            return None;
+        }
+        let start = *self.tree.config(from);
+        let end = if distance > range { start.lerp(target, range / distance) } else { *target };
+        if !checker.motion_is_free(&start, &end) {
+            self.domains[from] = if self.domains[from].is_infinite() {
+                DOMAIN
+            } else {
+                (self.domains[from] * (1.0 - ADAPTATION)).max(LEAST_DOMAIN)
+            };
+            return None;
+        }
+        self.domains[from] *= 1.0 + ADAPTATION;
+        Some(self.push(end, from))
     }
 
-    /// Edges up to `target` itself, as long as they are free: the vertex there.
+    /// Edges of at most `range` up to `target` itself, as long as they are free: the vertex there.
     fn connect(&mut self, target: &JointConfig, checker: &MotionChecker<'_>, range: f32) -> Option<usize> {
-        let mut at = self.nearest(target);
-        while self.configs[at] != *target {
-            at = self.step(at, target, checker, range)?;
+        let (mut at, distance) = self.tree.nearest(target);
+        let start = *self.tree.config(at);
+        let n_edges = libm::ceilf(distance / range).max(1.0) as u32;
+        for edge in 1..=n_edges {
+            let end = if edge == n_edges { *target } else { start.lerp(target, edge as f32 / n_edges as f32) };
+            if !checker.motion_is_free(self.tree.config(at), &end) {
+                return None;
+            }
+            at = self.push(end, at);
         }
         Some(at)
     }
 
-    fn step(&mut self, from: usize, target: &JointConfig, checker: &MotionChecker<'_>, range: f32) -> Option<usize> {
-        let start = self.configs[from];
-        let distance = start.distance(target);
-        let end = if distance > range { start.lerp(target, range / distance) } else { *target };
-        if !checker.motion_is_free(&start, &end) {
-            return None;
-        }
-        self.configs.push(end);
-        self.parents.push(from);
-        Some(self.configs.len() - 1)
-    }
-
-    fn nearest(&self, target: &JointConfig) -> usize {
-        let mut best = (0, f32::INFINITY);
-        for (idx, config) in self.configs.iter().enumerate() {
-            let squares: f32 = config.iter().zip(target.iter()).map(|(a, b)| (a - b) * (a - b)).sum();
-            if squares < best.1 {
-                best = (idx, squares);
-            }
-        }
-        best.0
-    }
-
-    /// Configurations from a vertex to its root.
-    fn to_root(&self, mut vertex: usize) -> Vec<JointConfig> {
-        let mut configs = vec![self.configs[vertex]];
-        while self.parents[vertex] != vertex {
-            vertex = self.parents[vertex];
-            configs.push(self.configs[vertex]);
-        }
-        configs
+    fn push(&mut self, config: JointConfig, parent: usize) -> usize {
+        self.domains.push(f32::INFINITY);
+        self.tree.push(config, parent)
     }
 }
 
@@ -174,6 +199,7 @@ mod tests {
     use super::*;
     use crate::path::shortcut;
     use crate::rng::{Stream, stream};
+    use crate::robot::Robot;
     use crate::scene::stick_arm::{is_free_by_brute_force, stick_arm};
     use crate::scene::{ArmSpheres, Primitive, Scene};
     use glamx::{Pose3, Vec3};
@@ -216,7 +242,7 @@ mod tests {
         let (start, goal) = (turned(-0.7), turned(0.7));
         for seed in 0..5 {
             let checker = MotionChecker::new(&scene, &arm, SETTINGS.checks_per_radian);
-            let plan = rrt_connect(&robot, &checker, &start, &[goal], &SETTINGS, &mut stream(seed, Stream::Planner, 0)).unwrap();
+            let plan = rrt_connect(&checker, &start, &[goal], &SETTINGS, &mut stream(seed, Stream::Planner, 0)).unwrap();
             assert!(plan.iterations > 0, "the wall stands in the straight way");
             let short = shortcut(&plan.path, &checker);
             for path in [&plan.path, &short] {
@@ -236,7 +262,7 @@ mod tests {
         let checker = MotionChecker::new(&scene, &arm, SETTINGS.checks_per_radian);
         let plan = |seed| {
             let rng = &mut stream(seed, Stream::Planner, 0);
-            rrt_connect(&robot, &checker, &turned(-0.7), &[turned(0.7)], &SETTINGS, rng).unwrap()
+            rrt_connect(&checker, &turned(-0.7), &[turned(0.7)], &SETTINGS, rng).unwrap()
         };
         assert_eq!(plan(1), plan(1));
         assert_ne!(plan(1), plan(2));
@@ -249,7 +275,7 @@ mod tests {
         let checker = MotionChecker::new(&scene, &arm, SETTINGS.checks_per_radian);
         let rng = &mut stream(0, Stream::Planner, 0);
         let goals = [turned(0.7), turned(-1.2)];
-        let plan = rrt_connect(&robot, &checker, &turned(-0.7), &goals, &SETTINGS, rng).unwrap();
+        let plan = rrt_connect(&checker, &turned(-0.7), &goals, &SETTINGS, rng).unwrap();
         assert_eq!(plan, Plan { path: JointPath(vec![turned(-0.7), turned(-1.2)]), iterations: 0 });
     }
 
@@ -261,7 +287,7 @@ mod tests {
         let checker = MotionChecker::new(&scene, &arm, SETTINGS.checks_per_radian);
         let plan = |start, goals: &[JointConfig], max_iterations| {
             let settings = RrtSettings { max_iterations, ..SETTINGS };
-            rrt_connect(&robot, &checker, &start, goals, &settings, &mut stream(0, Stream::Planner, 0))
+            rrt_connect(&checker, &start, goals, &settings, &mut stream(0, Stream::Planner, 0))
         };
         assert_eq!(plan(turned(0.0), &[turned(0.7)], 10), Err(Rejection::StartCollides));
         assert_eq!(plan(turned(-0.7), &[turned(0.0)], 10), Err(Rejection::GoalCollides));

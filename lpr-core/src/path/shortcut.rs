@@ -26,7 +26,7 @@ pub fn shortcut(path: &JointPath, checker: &MotionChecker<'_>) -> JointPath {
 }
 
 /// The path without the vertices that a straight free motion can leave out. Its own edges count as checked.
-fn skip_vertices(configs: &[JointConfig], checker: &MotionChecker<'_>) -> Vec<JointConfig> {
+pub(super) fn skip_vertices(configs: &[JointConfig], checker: &MotionChecker<'_>) -> Vec<JointConfig> {
     let last = configs.len() - 1;
     let mut kept = vec![configs[0]];
     let mut at = 0;

@@ -1,40 +1,82 @@
 //! The robot as spheres, compiled for collision checks.
 
 use super::primitive::length;
-use crate::robot::{DOF, HAND, JointConfig, N_LINKS, Robot, Sphere};
-use glamx::{Pose3, Vec3};
+use crate::robot::{Chain, ChainJoint, ChainLink, DOF, JointConfig, Motion, Robot, Sphere};
+use fearless_simd::Level;
+use glamx::{DVec3, Mat3, Vec3};
+
+/// Most links with geometry.
+pub(super) const MAX_LINKS: usize = 32;
+
+/// Most spheres of a cluster.
+pub(super) const CLUSTER: usize = 4;
+
+/// An element of a rotation this close to 0 or ±1 is that: descriptions round π/2, and quarter turns cost nothing.
+const QUARTER_TURN_SLACK: f64 = 1e-5;
 
 /// The spheres of a robot, its kinematics in f32 and the pairs of links that may meet.
 #[derive(Debug, Clone)]
 pub struct ArmSpheres {
-    joints: [JointRow; DOF],
-    link7_from_flange: Frame,
-    links: [LinkSpheres; N_LINKS],
-    self_pairs: Vec<(usize, usize)>,
+    pub(crate) level: Level,
+    pub(super) joints: Vec<JointFrame>,
+    limits: [(f32, f32); DOF],
+    /// From the tip inwards: what sticks out furthest hits first.
+    pub(super) links: Vec<LinkSpheres>,
+    /// Pairs of indices into the links that are tested against each other.
+    pub(super) self_pairs: Vec<(usize, usize)>,
 }
 
-/// The spheres of one link and a sphere around all of them, in the link's frame.
+/// The spheres of one link and a sphere around all of them.
 #[derive(Debug, Clone)]
 pub(super) struct LinkSpheres {
+    name: String,
+    /// 0: fixed to the base; i: carried by joint i.
+    pub(super) body: usize,
+    /// Which cloud it is tested against.
+    pub(super) part: ArmPart,
+    pub(super) bound: Sphere,
+    pub(super) clusters: Vec<Cluster>,
+}
+
+/// A few spheres of a link that are close together and a sphere around them, in the body's frame.
+#[derive(Debug, Clone)]
+pub(super) struct Cluster {
     pub(super) bound: Sphere,
     pub(super) spheres: Vec<Sphere>,
 }
 
-/// A modified-DH row in f32.
+/// The contact rule tells the gripper from the rest of the arm.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum ArmPart {
+    /// Links that do not move are never tested against the scene.
+    Base,
+    /// Links 1–7.
+    Arm,
+    /// The hand with its fingers.
+    Hand,
+}
+
+/// A joint's frame in the body before it, in f32; the joint moves about or along its z.
 #[derive(Debug, Clone, Copy)]
-struct JointRow {
-    sin_alpha: f32,
-    cos_alpha: f32,
-    a: f32,
-    d: f32,
+pub(super) struct JointFrame {
+    pub(super) rotation: Rotation,
+    pub(super) translation: Vec3,
+    pub(super) motion: Motion,
+}
+
+/// A rotation from the body before a joint.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Rotation {
+    /// Every axis is one of the axes before, or against it: index and sign.
+    QuarterTurns([(usize, f32); 3]),
+    /// Any other.
+    General(Mat3),
 }
 
 /// A frame in the world: its axes and origin.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Frame {
-    x: Vec3,
-    y: Vec3,
-    z: Vec3,
+    axes: [Vec3; 3],
     origin: Vec3,
 }
 
@@ -42,109 +84,140 @@ impl ArmSpheres {
     /// The spheres of `robot`.
     #[must_use]
     pub fn new(robot: &Robot) -> Self {
-        let joints = robot.joints.map(|joint| {
-            let (sin_alpha, cos_alpha) = libm::sincos(joint.alpha);
-            JointRow { sin_alpha: sin_alpha as f32, cos_alpha: cos_alpha as f32, a: joint.a as f32, d: joint.d as f32 }
-        });
-        let links = robot.spheres.map(LinkSpheres::new);
-        let self_pairs = (0..N_LINKS)
-            .flat_map(|a| (a + 1..N_LINKS).map(move |b| (a, b)))
-            .filter(|&(a, b)| !links[a].spheres.is_empty() && !links[b].spheres.is_empty())
-            .filter(|&(a, b)| {
-                !robot.allowed_self_collisions.contains(&(a, b)) && !robot.allowed_self_collisions.contains(&(b, a))
-            })
-            .collect();
-        Self { joints, link7_from_flange: Frame::from_pose(&Pose3::from(robot.link7_from_flange)), links, self_pairs }
+        let mut arm = Self::from_chain(&Chain::from_robot(robot));
+        arm.links[0].part = ArmPart::Hand;
+        arm
     }
 
-    /// The spheres of frame `link` (base, links 1–7, hand), in its frame.
-    pub(super) const fn link(&self, link: usize) -> &LinkSpheres {
-        &self.links[link]
-    }
-
-    /// Frames of base, links 1–7 and hand, in f32: quicker than [`Robot::link_frames`] and within a few micrometres of it.
-    pub(super) fn frames(&self, config: &JointConfig) -> [Frame; N_LINKS] {
-        let mut frames = [Frame::IDENTITY; N_LINKS];
-        for j in 0..DOF {
-            frames[j + 1] = frames[j].after(&self.joints[j], config[j]);
+    /// The spheres of an arm that is described at run time.
+    #[must_use]
+    pub fn from_chain(chain: &Chain) -> Self {
+        let last = chain.links.len().saturating_sub(1);
+        let links: Vec<LinkSpheres> = chain.links.iter().rev().map(LinkSpheres::new).collect();
+        let may_meet = |a: usize, b: usize| {
+            let both_solid = !links[a].clusters.is_empty() && !links[b].clusters.is_empty();
+            both_solid && !chain.allowed_self_collisions.contains(&(last - b, last - a))
+        };
+        let self_pairs = (0..links.len()).flat_map(|a| (a + 1..links.len()).map(move |b| (a, b)));
+        Self {
+            level: Level::new(),
+            joints: chain.joints.iter().map(JointFrame::new).collect(),
+            limits: chain.limits(),
+            self_pairs: self_pairs.filter(|&(a, b)| may_meet(a, b)).collect(),
+            links,
         }
-        frames[HAND] = frames[DOF].compose(&self.link7_from_flange);
+    }
+
+    /// Lower and upper limit of every joint, radians.
+    #[must_use]
+    pub const fn limits(&self) -> &[(f32, f32); DOF] {
+        &self.limits
+    }
+
+    /// Frames of the base and of what every joint carries, in f32: quicker than [`Robot::link_frames`] and within a few
+    /// micrometres of it.
+    fn frames(&self, config: &JointConfig) -> Vec<Frame> {
+        let mut frames = vec![Frame::IDENTITY];
+        for (joint, q) in self.joints.iter().zip(config.iter()) {
+            frames.push(frames[frames.len() - 1].after(joint, *q));
+        }
         frames
     }
 
-    /// Whether two links that may not meet do so.
-    pub(super) fn self_collides(&self, frames: &[Frame; N_LINKS]) -> bool {
-        let bounds: [Vec3; N_LINKS] = core::array::from_fn(|link| frames[link].point(self.links[link].bound.center));
-        self.self_pairs.iter().any(|&(a, b)| {
-            let (link_a, link_b) = (&self.links[a], &self.links[b]);
-            overlap(bounds[a], link_a.bound.radius, bounds[b], link_b.bound.radius)
-                && link_a.spheres.iter().any(|sphere_a| {
-                    let center_a = frames[a].point(sphere_a.center);
-                    overlap(center_a, sphere_a.radius, bounds[b], link_b.bound.radius)
-                        && link_b
-                            .spheres
-                            .iter()
-                            .any(|sphere_b| overlap(center_a, sphere_a.radius, frames[b].point(sphere_b.center), sphere_b.radius))
-                })
-        })
+    /// Every sphere in the world at `config`, with the name of its link.
+    pub fn spheres_at(&self, config: &JointConfig) -> impl Iterator<Item = (&str, Sphere)> {
+        self.placed_spheres(config).map(|(link, sphere)| (link.name.as_str(), sphere))
     }
 
-    /// Every sphere in the world at `config`, with the link it belongs to.
-    pub fn spheres_at(&self, config: &JointConfig) -> impl Iterator<Item = (usize, Sphere)> {
+    pub(super) fn placed_spheres(&self, config: &JointConfig) -> impl Iterator<Item = (&LinkSpheres, Sphere)> {
         let frames = self.frames(config);
-        self.links.iter().enumerate().flat_map(move |(link, spheres)| {
-            spheres
-                .spheres
-                .iter()
-                .map(move |sphere| (link, Sphere { center: frames[link].point(sphere.center), radius: sphere.radius }))
+        self.links.iter().flat_map(move |link| {
+            let frame = frames[link.body];
+            let placed = move |s: &Sphere| (link, Sphere { center: frame.point(s.center), radius: s.radius });
+            link.clusters.iter().flat_map(|cluster| &cluster.spheres).map(placed)
         })
     }
-}
-
-fn overlap(a: Vec3, radius_a: f32, b: Vec3, radius_b: f32) -> bool {
-    let reach = radius_a + radius_b;
-    (a - b).length_squared() < reach * reach
 }
 
 impl LinkSpheres {
     /// The bound is centred in the box of the spheres: not the least, but near it for long links.
-    fn new(spheres: &[Sphere]) -> Self {
-        let corner = |sign: f32, sphere: &Sphere| sphere.center + Vec3::splat(sign * sphere.radius);
-        let low = spheres.iter().fold(Vec3::splat(f32::INFINITY), |low, sphere| low.min(corner(-1.0, sphere)));
-        let high = spheres.iter().fold(Vec3::splat(f32::NEG_INFINITY), |high, sphere| high.max(corner(1.0, sphere)));
-        let center = if spheres.is_empty() { Vec3::ZERO } else { 0.5 * (low + high) };
-        let radius = spheres.iter().fold(0.0, |most: f32, sphere| most.max(length(sphere.center - center) + sphere.radius));
-        Self { bound: Sphere { center, radius }, spheres: spheres.to_vec() }
+    fn new(link: &ChainLink) -> Self {
+        let part = if link.body == 0 { ArmPart::Base } else { ArmPart::Arm };
+        let mut clusters = Vec::new();
+        split(link.spheres.clone(), &mut clusters);
+        Self { name: link.name.clone(), body: link.body, part, bound: bound(&link.spheres), clusters }
+    }
+}
+
+/// Halves the spheres across the longest side of their box until few are left together.
+fn split(mut spheres: Vec<Sphere>, clusters: &mut Vec<Cluster>) {
+    if spheres.len() <= CLUSTER {
+        if !spheres.is_empty() {
+            clusters.push(Cluster { bound: bound(&spheres), spheres });
+        }
+        return;
+    }
+    let low = spheres.iter().fold(Vec3::splat(f32::INFINITY), |low, sphere| low.min(sphere.center));
+    let high = spheres.iter().fold(Vec3::splat(f32::NEG_INFINITY), |high, sphere| high.max(sphere.center));
+    let axis = (high - low).max_position();
+    spheres.sort_by(|a, b| a.center[axis].total_cmp(&b.center[axis]));
+    let others = spheres.split_off(spheres.len() / 2);
+    split(spheres, clusters);
+    split(others, clusters);
+}
+
+/// A sphere around `spheres`.
+fn bound(spheres: &[Sphere]) -> Sphere {
+    let corner = |sign: f32, sphere: &Sphere| sphere.center + Vec3::splat(sign * sphere.radius);
+    let low = spheres.iter().fold(Vec3::splat(f32::INFINITY), |low, sphere| low.min(corner(-1.0, sphere)));
+    let high = spheres.iter().fold(Vec3::splat(f32::NEG_INFINITY), |high, sphere| high.max(corner(1.0, sphere)));
+    let center = if spheres.is_empty() { Vec3::ZERO } else { 0.5 * (low + high) };
+    let radius = spheres.iter().fold(0.0, |most: f32, sphere| most.max(length(sphere.center - center) + sphere.radius));
+    Sphere { center, radius }
+}
+
+impl JointFrame {
+    fn new(joint: &ChainJoint) -> Self {
+        let pose = joint.parent_from_joint;
+        let columns = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| pose.rotation * axis);
+        let quarter = |column: DVec3| {
+            let axis = column.to_array().iter().position(|e| (e.abs() - 1.0).abs() < QUARTER_TURN_SLACK)?;
+            Some((axis, if column[axis] > 0.0 { 1.0 } else { -1.0 }))
+        };
+        let rotation = match columns.map(quarter) {
+            [Some(x), Some(y), Some(z)] => Rotation::QuarterTurns([x, y, z]),
+            _ => Rotation::General(Mat3::from_cols(columns[0].as_vec3(), columns[1].as_vec3(), columns[2].as_vec3())),
+        };
+        Self { rotation, translation: pose.translation.as_vec3(), motion: joint.motion }
     }
 }
 
 impl Frame {
-    const IDENTITY: Self = Self { x: Vec3::X, y: Vec3::Y, z: Vec3::Z, origin: Vec3::ZERO };
-
-    fn from_pose(pose: &Pose3) -> Self {
-        let axis = |v: Vec3| pose.rotation * v;
-        Self { x: axis(Vec3::X), y: axis(Vec3::Y), z: axis(Vec3::Z), origin: pose.translation }
-    }
+    const IDENTITY: Self = Self { axes: Vec3::AXES, origin: Vec3::ZERO };
 
     fn vector(&self, v: Vec3) -> Vec3 {
-        self.x * v.x + self.y * v.y + self.z * v.z
+        self.axes[0] * v.x + self.axes[1] * v.y + self.axes[2] * v.z
     }
 
     /// A point of this frame in the world.
-    pub(super) fn point(&self, point: Vec3) -> Vec3 {
+    fn point(&self, point: Vec3) -> Vec3 {
         self.vector(point) + self.origin
     }
 
-    fn compose(&self, child: &Self) -> Self {
-        Self { x: self.vector(child.x), y: self.vector(child.y), z: self.vector(child.z), origin: self.point(child.origin) }
-    }
-
-    /// This frame followed by `Rx(alpha) Tx(a) Rz(q) Tz(d)`.
-    fn after(&self, joint: &JointRow, q: f32) -> Self {
-        let y = self.y * joint.cos_alpha + self.z * joint.sin_alpha;
-        let z = self.z * joint.cos_alpha - self.y * joint.sin_alpha;
-        let (sin, cos) = libm::sincosf(q);
-        Self { x: self.x * cos + y * sin, y: y * cos - self.x * sin, z, origin: self.origin + self.x * joint.a + z * joint.d }
+    /// The frame of the joint that follows, turned by `q`.
+    fn after(&self, joint: &JointFrame, q: f32) -> Self {
+        let [x, y, z] = match joint.rotation {
+            Rotation::QuarterTurns(turns) => turns.map(|(axis, sign)| self.axes[axis] * sign),
+            Rotation::General(rotation) => [rotation.x_axis, rotation.y_axis, rotation.z_axis].map(|axis| self.vector(axis)),
+        };
+        let origin = self.point(joint.translation);
+        match joint.motion {
+            Motion::Slide => Self { axes: [x, y, z], origin: origin + z * q },
+            Motion::Turn => {
+                let (sin, cos) = libm::sincosf(q);
+                Self { axes: [x * cos + y * sin, y * cos - x * sin, z], origin }
+            }
+        }
     }
 }
 
@@ -163,10 +236,12 @@ mod tests {
                 let joints = robot.joints;
                 let config = JointConfig(core::array::from_fn(|j| joints[j].lower + shares[j] * (joints[j].upper - joints[j].lower)));
                 let frames = robot.link_frames(&config);
-                let expected = robot.spheres.iter().enumerate().flat_map(|(link, list)| list.iter().map(move |s| (link, s)));
-                for ((link, found), (wanted_link, wanted)) in arm.spheres_at(&config).zip(expected) {
-                    prop_assert_eq!(link, wanted_link);
-                    prop_assert!(found.center.distance(frames[link] * wanted.center) < 5e-6);
+                let found: Vec<Sphere> = arm.spheres_at(&config).map(|(_, sphere)| sphere).collect();
+                let wanted = robot.spheres.iter().enumerate().flat_map(|(link, list)| list.iter().map(move |s| (link, s)));
+                prop_assert_eq!(found.len(), wanted.clone().count());
+                for (link, wanted) in wanted {
+                    let center = frames[link] * wanted.center;
+                    prop_assert!(found.iter().any(|s| s.radius == wanted.radius && s.center.distance(center) < 5e-6));
                 }
                 // Both compute in f32 from frames that differ by rounding: near misses aside, they agree.
                 if Scene::empty().is_free(&arm, &config) == robot.self_collides(&config) {

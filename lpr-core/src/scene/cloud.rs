@@ -2,6 +2,10 @@
 //!
 //! Every cell knows a lower bound of its distance to the nearest point, so most queries end after one look-up.
 
+use super::arm_spheres::LinkSpheres;
+use super::block::{Frames, MAX_WIDTH};
+use crate::lanes::{Floats, Vec3s};
+use fearless_simd::{Simd, SimdBase as _, SimdFloat as _, SimdMask as _};
 use glamx::Vec3;
 
 /// Side of a cell, metres; larger when the cloud would need more than [`MAX_CELLS`].
@@ -79,6 +83,57 @@ impl PointCloud {
         let gap = f32::from(self.squared_gaps[self.grid.index(self.grid.coordinates(inside))]) * self.grid.cell * self.grid.cell;
         let reach = radius + self.point_radius;
         outside.dot(outside) + gap > reach * reach
+    }
+
+    /// Whether in any lane a sphere of `link`, whose bounding sphere has its centre at `bound`, meets the ball of a point.
+    #[inline(always)]
+    pub(super) fn meet<S: Simd>(&self, simd: S, link: &LinkSpheres, frame: &Frames<S>, bound: Vec3s<S>) -> bool {
+        if self.points.is_empty() || self.perhaps_near(simd, bound, link.bound.radius) == 0 {
+            return false;
+        }
+        for cluster in &link.clusters {
+            if self.perhaps_near(simd, frame.point(cluster.bound.center), cluster.bound.radius) != 0 {
+                for sphere in &cluster.spheres {
+                    let center = frame.point(sphere.center);
+                    let lanes = self.perhaps_near(simd, center, sphere.radius);
+                    if lanes != 0
+                        && self.search_lanes(lanes, center.x.as_slice(), center.y.as_slice(), center.z.as_slice(), sphere.radius)
+                    {
+                        return true;
+                    }
+                }
+            }
+        }
+        false
+    }
+
+    /// The lanes, as bits, in which the grid alone does not show that a ball meets no point: [`Self::is_surely_clear`] otherwise.
+    #[inline(always)]
+    fn perhaps_near<S: Simd>(&self, simd: S, center: Vec3s<S>, radius: f32) -> u64 {
+        let grid = &self.grid;
+        let inside: Vec3s<S> = Vec3s {
+            x: center.x.max(grid.low.x).min(grid.high.x),
+            y: center.y.max(grid.low.y).min(grid.high.y),
+            z: center.z.max(grid.low.z).min(grid.high.z),
+        };
+        let [nx, ny, nz] = grid.cells.map(|count| count as i32);
+        let from_corner = inside.minus(grid.low);
+        let x = (from_corner.x / grid.cell).to_int::<S::i32s>();
+        let y = (from_corner.y / grid.cell).to_int::<S::i32s>();
+        let z = (from_corner.z / grid.cell).to_int::<S::i32s>();
+        let index = (z.min(nz - 1) * ny + y.min(ny - 1)) * nx + x.min(nx - 1);
+        let mut gaps = [0.0; MAX_WIDTH];
+        for (gap, index) in gaps.iter_mut().zip(index.as_slice()) {
+            *gap = f32::from(self.squared_gaps[*index as usize]);
+        }
+        let gap = Floats::<S>::from_slice(simd, &gaps[..Floats::<S>::LEN]) * grid.cell * grid.cell;
+        let reach = radius + self.point_radius;
+        (center.sub(inside).length_squared() + gap).simd_le(reach * reach).to_bitmask()
+    }
+
+    fn search_lanes(&self, lanes: u64, x: &[f32], y: &[f32], z: &[f32], radius: f32) -> bool {
+        let reach = radius + self.point_radius;
+        (0..x.len()).any(|lane| lanes & (1 << lane) != 0 && self.search(Vec3::new(x[lane], y[lane], z[lane]), reach))
     }
 
     /// Whether any point lies within `reach` of `center`.

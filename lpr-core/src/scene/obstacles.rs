@@ -2,6 +2,7 @@
 //!
 //! No simulator state enters, so the same function serves a real camera. Depth on the table is an obstacle like any other.
 
+use super::arm_spheres::ArmPart;
 use super::{ArmSpheres, PointCloud, Scene, downsample};
 use crate::robot::{HAND, JointConfig, Robot, Sphere};
 use glamx::{Pose3, Vec3};
@@ -91,7 +92,7 @@ fn is_held(world_from_grip: &Pose3, point: Vec3) -> bool {
 
 /// The gripper at the measured configuration and at the goal, inflated by [`CONTACT_DISTANCE`].
 fn gripper_in_contact(query: &ObstacleQuery<'_>, arm: &ArmSpheres) -> Balls {
-    let start = arm.spheres_at(query.measured).filter(|(link, _)| *link == HAND).map(|(_, sphere)| sphere);
+    let start = arm.placed_spheres(query.measured).filter(|(link, _)| link.part == ArmPart::Hand).map(|(_, sphere)| sphere);
     let grip_from_flange = Pose3::from(query.robot.flange_from_grip.inverse());
     let goal = query.goal.into_iter().flat_map(|world_from_grip| {
         let world_from_flange = *world_from_grip * grip_from_flange;

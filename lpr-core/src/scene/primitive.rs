@@ -38,10 +38,24 @@ pub enum Primitive {
         /// Half the length along z.
         half_length: f32,
     },
+    /// A convex polyhedron: the points behind all of its faces.
+    Hull {
+        /// Its faces.
+        faces: Vec<Face>,
+    },
+}
+
+/// A plane; what it bounds lies behind it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Face {
+    /// Unit normal, outwards.
+    pub normal: Vec3,
+    /// Signed distance of the plane from the origin along the normal, metres.
+    pub offset: f32,
 }
 
 impl Primitive {
-    /// The obstacle that `shape` makes at `world_from_shape`; a convex hull becomes the box around its points.
+    /// The obstacle that `shape` makes at `world_from_shape`; a convex hull of points in a plane becomes the box around them.
     #[must_use]
     pub fn new(shape: &Shape, world_from_shape: &Pose3) -> Self {
         match shape {
@@ -54,11 +68,13 @@ impl Primitive {
                 let end = *half_length * Vec3::Z;
                 Self::Capsule { a: *world_from_shape * -end, b: *world_from_shape * end, radius: *radius }
             }
-            Shape::Convex { points } => box_around(points, world_from_shape),
+            Shape::Convex { points } => hull_of(points, world_from_shape).unwrap_or_else(|| box_around(points, world_from_shape)),
         }
     }
 
     /// Distance from `point` to the solid, metres; 0 inside.
+    ///
+    /// Of a hull it is the distance to the plane of its furthest face: less than the true one beyond edges and corners, never more.
     #[must_use]
     pub fn distance(&self, point: Vec3) -> f32 {
         match self {
@@ -74,8 +90,32 @@ impl Primitive {
                 let axial = (local.z.abs() - half_length).max(0.0);
                 libm::sqrtf(radial * radial + axial * axial)
             }
+            Self::Hull { faces } => faces.iter().fold(0.0, |most: f32, face| most.max(face.normal.dot(point) - face.offset)),
         }
     }
+}
+
+/// The convex hull of points; none for points in a plane.
+fn hull_of(points: &[Vec3], world_from_shape: &Pose3) -> Option<Primitive> {
+    /// Faces whose normals differ by less lie in one plane.
+    const SAME_PLANE: f32 = 1e-5;
+    let placed: Vec<Vec3> = points.iter().map(|point| *world_from_shape * *point).collect();
+    let (corners, triangles) = parry3d::transformation::try_convex_hull(&placed).ok()?;
+    let mut faces: Vec<Face> = Vec::new();
+    for triangle in triangles {
+        let [a, b, c] = triangle.map(|corner| corners[corner as usize]);
+        let normal = (b - a).cross(c - a);
+        if length(normal) == 0.0 {
+            continue;
+        }
+        let normal = normal / length(normal);
+        // As far out as the furthest point, so that rounding cuts nothing off.
+        let offset = placed.iter().fold(f32::NEG_INFINITY, |most, point| most.max(normal.dot(*point)));
+        if !faces.iter().any(|face| face.normal.distance(normal) < SAME_PLANE) {
+            faces.push(Face { normal, offset });
+        }
+    }
+    (faces.len() >= 4).then_some(Primitive::Hull { faces })
 }
 
 /// The box along the shape's axes around `points`.
@@ -134,7 +174,25 @@ mod tests {
         }
 
         #[test]
-        fn the_box_of_a_convex_hull_holds_its_points(pose in pose(), points in prop::collection::vec(vec3(-0.3..0.3), 4..9)) {
+        fn a_hull_is_never_further_than_parry_says_and_as_far_before_its_faces(
+            pose in pose(),
+            points in prop::collection::vec(vec3(-0.3..0.3), 6..20),
+            point in vec3(-1.5..1.5),
+        ) {
+            let hull = Primitive::new(&Shape::Convex { points: points.clone() }, &pose);
+            let Some(reference) = parry3d::shape::ConvexPolyhedron::from_convex_hull(&points) else { return Ok(()) };
+            prop_assert!(hull.distance(point) < reference.distance_to_point(&pose, point, true) + 1e-4);
+            let Primitive::Hull { faces } = &hull else { return Err(TestCaseError::fail("not a hull")) };
+            prop_assert_eq!(hull.distance(pose * points[0]) < 1e-5, true);
+            for Face { normal, offset } in faces {
+                let on_face = points.iter().map(|p| pose * *p).max_by(|a, b| a.dot(*normal).total_cmp(&b.dot(*normal))).unwrap();
+                prop_assert!((hull.distance(on_face + 0.1 * *normal) - 0.1).abs() < 1e-4);
+                prop_assert!((on_face.dot(*normal) - offset).abs() < 1e-5);
+            }
+        }
+
+        #[test]
+        fn a_convex_hull_holds_its_points(pose in pose(), points in prop::collection::vec(vec3(-0.3..0.3), 4..9)) {
             let hull = Primitive::new(&Shape::Convex { points: points.clone() }, &pose);
             for point in points {
                 prop_assert!(hull.distance(pose * point) < 1e-5);

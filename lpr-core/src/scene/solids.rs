@@ -1,178 +1,240 @@
-//! Primitives prepared for checks: which of many a ball meets.
+//! Primitives prepared for checks: which of many a ball meets, for every lane at once.
 
-use super::Primitive;
-use super::primitive::from_segment;
-use glamx::{Quat, Vec3};
+use super::arm_spheres::LinkSpheres;
+use super::block::Frames;
+use super::{Face, Primitive};
+use crate::lanes::Vec3s;
+use fearless_simd::{Simd, SimdBase as _, SimdFloat, SimdMask as _};
+use glamx::{Pose3, Quat, Vec3};
 
-/// Boxes compared at once. The loops over an array of this size compile to vector instructions, in one order on every machine.
-const LANES: usize = 8;
+/// A direction of a box or cylinder this close to the vertical is vertical.
+const UPRIGHT_SLACK: f32 = 1e-6;
 
-/// Solid obstacles, behind boxes along the world's axes that rule most of them out.
+/// Solid obstacles by kind, each kind sorted by distance from the base.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Solids {
-    list: Vec<Solid>,
-    boxes: Vec<Boxes>,
+    primitives: Vec<Primitive>,
+    balls: Vec<Ball>,
+    upright_boxes: Vec<UprightBox>,
+    boxes: Vec<OrientedBox>,
+    capsules: Vec<CapsuleAxis>,
+    cylinders: Vec<OrientedCylinder>,
+    hulls: Vec<HullFaces>,
 }
 
-/// Boxes around [`LANES`] solids: for every axis the lower and upper ends.
 #[derive(Debug, Clone, PartialEq)]
-struct Boxes {
-    low: [[f32; LANES]; 3],
-    high: [[f32; LANES]; 3],
+struct Ball {
+    /// Distance of the nearest point from the origin of the world, metres; likewise in the other kinds.
+    nearest: f32,
+    center: Vec3,
+    radius: f32,
+}
+
+/// A box whose third axis is vertical.
+#[derive(Debug, Clone, PartialEq)]
+struct UprightBox {
+    nearest: f32,
+    center: Vec3,
+    /// The box's first axis in the horizontal plane.
+    cos: f32,
+    sin: f32,
+    half_extents: Vec3,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+struct OrientedBox {
+    nearest: f32,
+    center: Vec3,
+    axes: [Vec3; 3],
+    half_extents: Vec3,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+struct CapsuleAxis {
+    nearest: f32,
+    a: Vec3,
+    axis: Vec3,
+    inverse_squared_length: f32,
+    radius: f32,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+struct OrientedCylinder {
+    nearest: f32,
+    center: Vec3,
+    axes: [Vec3; 3],
+    radius: f32,
+    half_length: f32,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+struct HullFaces {
+    nearest: f32,
+    faces: Vec<Face>,
 }
 
 impl FromIterator<Primitive> for Solids {
     fn from_iter<I: IntoIterator<Item = Primitive>>(primitives: I) -> Self {
-        let list: Vec<Solid> = primitives.into_iter().map(Solid::from).collect();
-        let boxes = list.chunks(LANES).map(Boxes::around).collect();
-        Self { list, boxes }
+        let mut solids = Self::default();
+        primitives.into_iter().for_each(|primitive| solids.push(primitive));
+        solids.balls.sort_by(|a, b| a.nearest.total_cmp(&b.nearest));
+        solids.upright_boxes.sort_by(|a, b| a.nearest.total_cmp(&b.nearest));
+        solids.boxes.sort_by(|a, b| a.nearest.total_cmp(&b.nearest));
+        solids.capsules.sort_by(|a, b| a.nearest.total_cmp(&b.nearest));
+        solids.cylinders.sort_by(|a, b| a.nearest.total_cmp(&b.nearest));
+        solids.hulls.sort_by(|a, b| a.nearest.total_cmp(&b.nearest));
+        solids
     }
 }
 
 impl Solids {
-    /// The solids.
-    pub(super) fn primitives(&self) -> impl Iterator<Item = &Primitive> {
-        self.list.iter().map(|solid| &solid.primitive)
-    }
-
-    /// Whether any solid that meets the ball around `center` also fulfils `is_hit`.
-    pub(super) fn any_near(&self, center: Vec3, radius: f32, is_hit: impl Fn(&Solid) -> bool) -> bool {
-        self.boxes.iter().zip(self.list.chunks(LANES)).any(|(boxes, solids)| {
-            let gaps = boxes.squared_gaps(center);
-            solids.iter().zip(gaps).any(|(solid, gap)| gap <= radius * radius && solid.touches(center, radius) && is_hit(solid))
-        })
-    }
-}
-
-impl Boxes {
-    /// Lanes without a solid hold a box at infinity.
-    fn around(solids: &[Solid]) -> Self {
-        let mut boxes = Self { low: [[f32::INFINITY; LANES]; 3], high: [[f32::INFINITY; LANES]; 3] };
-        for (lane, solid) in solids.iter().enumerate() {
-            let (center, half) = solid.extent();
-            for axis in 0..3 {
-                boxes.low[axis][lane] = center[axis] - half[axis];
-                boxes.high[axis][lane] = center[axis] + half[axis];
-            }
-        }
-        boxes
-    }
-
-    /// Squared distances from `point` to the boxes.
-    fn squared_gaps(&self, point: Vec3) -> [f32; LANES] {
-        let mut squares = [0.0; LANES];
-        for axis in 0..3 {
-            let ends = self.low[axis].iter().zip(&self.high[axis]);
-            for (square, (low, high)) in squares.iter_mut().zip(ends) {
-                let (below, above) = (low - point[axis], point[axis] - high);
-                let gap = if below > above { below } else { above };
-                let gap = if gap > 0.0 { gap } else { 0.0 };
-                *square += gap * gap;
-            }
-        }
-        squares
-    }
-}
-
-/// A primitive prepared for the question whether a ball meets it.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Solid {
-    primitive: Primitive,
-    /// Axes of a box or cylinder in the world: the dot products with them are quicker than its pose.
-    axes: [Vec3; 3],
-}
-
-impl From<Primitive> for Solid {
-    fn from(primitive: Primitive) -> Self {
-        let rotation = match &primitive {
-            Primitive::Cuboid { world_from_box: pose, .. } | Primitive::Cylinder { world_from_cylinder: pose, .. } => {
-                pose.rotation
-            }
-            Primitive::Sphere { .. } | Primitive::Capsule { .. } => Quat::IDENTITY,
-        };
-        Self { primitive, axes: Vec3::AXES.map(|axis| rotation * axis) }
-    }
-}
-
-impl Solid {
-    /// Centre and half extents of the box around the solid along the world's axes, metres.
-    fn extent(&self) -> (Vec3, Vec3) {
+    fn push(&mut self, primitive: Primitive) {
         /// Rounding of coordinates up to ten metres.
         const MARGIN: f32 = 1e-5;
-        let oriented = |half: Vec3| self.axes[0].abs() * half.x + self.axes[1].abs() * half.y + self.axes[2].abs() * half.z;
-        let (center, half) = match &self.primitive {
-            Primitive::Sphere { center, radius } => (*center, Vec3::splat(*radius)),
-            Primitive::Cuboid { world_from_box, half_extents } => (world_from_box.translation, oriented(*half_extents)),
-            Primitive::Capsule { a, b, radius } => (0.5 * (*a + *b), 0.5 * (*a - *b).abs() + Vec3::splat(*radius)),
-            Primitive::Cylinder { world_from_cylinder, radius, half_length } => {
-                (world_from_cylinder.translation, oriented(Vec3::new(*radius, *radius, *half_length)))
+        let nearest = primitive.distance(Vec3::ZERO) - MARGIN;
+        match &primitive {
+            Primitive::Sphere { center, radius } => self.balls.push(Ball { nearest, center: *center, radius: *radius }),
+            Primitive::Cuboid { world_from_box, half_extents } => self.push_box(nearest, world_from_box, *half_extents),
+            Primitive::Capsule { a, b, radius } => {
+                let axis = *b - *a;
+                let inverse_squared_length = 1.0 / axis.dot(axis).max(f32::MIN_POSITIVE);
+                self.capsules.push(CapsuleAxis { nearest, a: *a, axis, inverse_squared_length, radius: *radius });
             }
-        };
-        (center, half + MARGIN)
+            Primitive::Cylinder { world_from_cylinder, radius, half_length } => self.cylinders.push(OrientedCylinder {
+                nearest,
+                center: world_from_cylinder.translation,
+                axes: axes(world_from_cylinder.rotation),
+                radius: *radius,
+                half_length: *half_length,
+            }),
+            Primitive::Hull { faces } => self.hulls.push(HullFaces { nearest, faces: faces.clone() }),
+        }
+        self.primitives.push(primitive);
     }
 
-    /// Whether a ball meets the solid. Metres.
-    pub(super) fn touches(&self, center: Vec3, ball_radius: f32) -> bool {
-        match &self.primitive {
-            Primitive::Sphere { center: other, radius } => is_within(center - *other, ball_radius + radius),
-            Primitive::Cuboid { world_from_box, half_extents } => {
-                let local = self.local(center - world_from_box.translation);
-                is_within((local.abs() - *half_extents).max(Vec3::ZERO), ball_radius)
-            }
-            Primitive::Capsule { a, b, radius } => is_within(from_segment(center, *a, *b), ball_radius + radius),
-            Primitive::Cylinder { world_from_cylinder, radius, half_length } => {
-                let local = self.local(center - world_from_cylinder.translation);
-                let radial = (libm::sqrtf(local.x * local.x + local.y * local.y) - radius).max(0.0);
-                is_within(Vec3::new(radial, 0.0, (local.z.abs() - half_length).max(0.0)), ball_radius)
-            }
+    fn push_box(&mut self, nearest: f32, world_from_box: &Pose3, half_extents: Vec3) {
+        let (center, axes) = (world_from_box.translation, axes(world_from_box.rotation));
+        if axes[2].x.abs().max(axes[2].y.abs()) < UPRIGHT_SLACK {
+            let (cos, sin) = (axes[0].x, axes[0].y);
+            self.upright_boxes.push(UprightBox { nearest, center, cos, sin, half_extents });
+        } else {
+            self.boxes.push(OrientedBox { nearest, center, axes, half_extents });
         }
     }
 
-    fn local(&self, offset: Vec3) -> Vec3 {
-        Vec3::new(self.axes[0].dot(offset), self.axes[1].dot(offset), self.axes[2].dot(offset))
+    /// The solids.
+    pub(super) fn primitives(&self) -> impl Iterator<Item = &Primitive> {
+        self.primitives.iter()
     }
-}
 
-fn is_within(offset: Vec3, reach: f32) -> bool {
-    offset.length_squared() <= reach * reach
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::scene::Shape;
-    use glamx::Pose3;
-    use proptest::prelude::*;
-
-    proptest! {
-        #[test]
-        fn the_solids_that_a_ball_meets_are_those_within_its_radius(
-            placed in prop::collection::vec((prop::array::uniform3(-0.8_f32..0.8), prop::array::uniform3(-3.0_f32..3.0), 0..4_usize), 0..20),
-            at in prop::array::uniform3(-1.0_f32..1.0),
-            radius in 0.01_f32..0.5,
-        ) {
-            let shapes = [
-                Shape::Sphere { radius: 0.1 },
-                Shape::Cuboid { half_extents: Vec3::new(0.3, 0.02, 0.1) },
-                Shape::Cylinder { radius: 0.1, half_length: 0.2 },
-                Shape::Capsule { radius: 0.05, half_length: 0.2 },
-            ];
-            let place = |(at, turn, shape): ([f32; 3], [f32; 3], usize)| {
-                let pose = Pose3::from_parts(Vec3::from_array(at), Quat::from_scaled_axis(Vec3::from_array(turn)));
-                Primitive::new(&shapes[shape], &pose)
+    /// Whether in any lane a solid meets a sphere of `link`, whose bounding sphere has its centre at `bound`.
+    #[inline(always)]
+    pub(super) fn meet<S: Simd>(&self, link: &LinkSpheres, frame: &Frames<S>, bound: Vec3s<S>) -> bool {
+        let radius = link.bound.radius;
+        let furthest = bound.length_squared().reduce_max();
+        macro_rules! meet {
+            ($kind:expr) => {
+                for solid in &$kind {
+                    let nearest = solid.nearest - radius;
+                    if nearest > 0.0 && nearest * nearest > furthest {
+                        break;
+                    }
+                    if solid.touches(bound, radius) {
+                        for cluster in &link.clusters {
+                            if solid.touches(frame.point(cluster.bound.center), cluster.bound.radius) {
+                                for sphere in &cluster.spheres {
+                                    if solid.touches(frame.point(sphere.center), sphere.radius) {
+                                        return true;
+                                    }
+                                }
+                            }
+                        }
+                    }
+                }
             };
-            let solids: Solids = placed.into_iter().map(place).collect();
-            let center = Vec3::from_array(at);
-            let distances: Vec<f32> = solids.primitives().map(|primitive| primitive.distance(center)).collect();
-            prop_assume!(distances.iter().all(|distance| (distance - radius).abs() > 1e-5));
-            let met = core::cell::RefCell::new(Vec::new());
-            solids.any_near(center, radius, |solid| {
-                met.borrow_mut().push(solid.primitive.clone());
-                false
-            });
-            let expected: Vec<Primitive> =
-                solids.primitives().zip(distances).filter(|(_, distance)| *distance < radius).map(|(p, _)| p.clone()).collect();
-            prop_assert_eq!(met.into_inner(), expected);
         }
+        meet!(self.upright_boxes);
+        meet!(self.capsules);
+        meet!(self.boxes);
+        meet!(self.cylinders);
+        meet!(self.balls);
+        meet!(self.hulls);
+        false
     }
+}
+
+/// Whether a ball meets a solid in any lane, for every kind.
+impl Ball {
+    #[inline(always)]
+    fn touches<S: Simd>(&self, center: Vec3s<S>, radius: f32) -> bool {
+        is_within(center.minus(self.center).length_squared(), radius + self.radius)
+    }
+}
+
+impl UprightBox {
+    #[inline(always)]
+    fn touches<S: Simd>(&self, center: Vec3s<S>, radius: f32) -> bool {
+        let offset = center.minus(self.center);
+        let local = [offset.x * self.cos + offset.y * self.sin, offset.y * self.cos - offset.x * self.sin, offset.z];
+        is_within(squared_gap(local, self.half_extents), radius)
+    }
+}
+
+impl OrientedBox {
+    #[inline(always)]
+    fn touches<S: Simd>(&self, center: Vec3s<S>, radius: f32) -> bool {
+        let offset = center.minus(self.center);
+        let local = [offset.dot(self.axes[0]), offset.dot(self.axes[1]), offset.dot(self.axes[2])];
+        is_within(squared_gap(local, self.half_extents), radius)
+    }
+}
+
+impl CapsuleAxis {
+    #[inline(always)]
+    fn touches<S: Simd>(&self, center: Vec3s<S>, radius: f32) -> bool {
+        let offset = center.minus(self.a);
+        let along = (offset.dot(self.axis) * self.inverse_squared_length).max(0.0).min(1.0);
+        let nearest = Vec3s { x: along * self.axis.x, y: along * self.axis.y, z: along * self.axis.z };
+        is_within(offset.sub(nearest).length_squared(), radius + self.radius)
+    }
+}
+
+impl OrientedCylinder {
+    #[inline(always)]
+    fn touches<S: Simd>(&self, center: Vec3s<S>, radius: f32) -> bool {
+        let offset = center.minus(self.center);
+        let (x, y, z) = (offset.dot(self.axes[0]), offset.dot(self.axes[1]), offset.dot(self.axes[2]));
+        let radial = ((x * x + y * y).sqrt() - self.radius).max(0.0);
+        let axial = (z.abs() - self.half_length).max(0.0);
+        is_within(radial * radial + axial * axial, radius)
+    }
+}
+
+impl HullFaces {
+    #[inline(always)]
+    fn touches<S: Simd>(&self, center: Vec3s<S>, radius: f32) -> bool {
+        let Some((first, others)) = self.faces.split_first() else { return false };
+        let mut furthest = center.dot(first.normal) - first.offset;
+        for face in others {
+            furthest = furthest.max(center.dot(face.normal) - face.offset);
+        }
+        furthest.simd_le(radius).any_true()
+    }
+}
+
+#[inline(always)]
+fn is_within<F: SimdFloat<S, Element = f32>, S: Simd>(squared_distance: F, reach: f32) -> bool {
+    squared_distance.simd_le(reach * reach).any_true()
+}
+
+/// Squared distance of a point in a box's own axes from the box.
+#[inline(always)]
+fn squared_gap<F: SimdFloat<S, Element = f32>, S: Simd>([x, y, z]: [F; 3], half: Vec3) -> F {
+    let (x, y, z) = ((x.abs() - half.x).max(0.0), (y.abs() - half.y).max(0.0), (z.abs() - half.z).max(0.0));
+    x * x + y * y + z * z
+}
+
+/// Axes of a rotated frame in the world.
+fn axes(rotation: Quat) -> [Vec3; 3] {
+    Vec3::AXES.map(|axis| rotation * axis)
 }

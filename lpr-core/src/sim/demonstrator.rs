@@ -210,7 +210,7 @@ fn motion(env: &mut SimEnvironment, step: &PlanStep, rng: &mut Rng) -> Option<Jo
 fn around(robot: &Robot, scene: &Scene, start: &JointConfig, goal: &JointConfig, rng: &mut Rng) -> Option<JointPath> {
     let arm = ArmSpheres::new(robot);
     let checker = MotionChecker::new(scene, &arm, PLANNER.checks_per_radian);
-    let plan = rrt_connect(robot, &checker, start, &[*goal], &PLANNER, rng).ok()?;
+    let plan = rrt_connect(&checker, start, &[*goal], &PLANNER, rng).ok()?;
     Some(shortcut(&plan.path, &checker))
 }
 

@@ -1,0 +1,206 @@
+//! Many configurations at once: one for each lane of the machine's vectors.
+//!
+//! Forward kinematics and checks run together. A link's bounding sphere is tested before its spheres, the hand before the
+//! links behind it, and the first hit in any lane ends the check.
+
+use super::Scene;
+use super::arm_spheres::{ArmPart, ArmSpheres, CLUSTER, Cluster, LinkSpheres, MAX_LINKS, Rotation};
+use crate::lanes::{Floats, Vec3s, sincos};
+use crate::robot::{DOF, JointConfig, Motion};
+use arrayvec::ArrayVec;
+use fearless_simd::{Simd, SimdBase as _, SimdMask as _, dispatch};
+use glamx::Vec3;
+
+/// Configurations of a motion are a multiple of this, so that they do not depend on the width of the vectors.
+const BLOCK: usize = 8;
+/// Lanes of the widest vectors.
+pub(super) const MAX_WIDTH: usize = 16;
+
+/// A frame in the world, for each lane.
+#[derive(Clone, Copy)]
+pub(super) struct Frames<S: Simd> {
+    axes: [Vec3s<S>; 3],
+    origin: Vec3s<S>,
+}
+
+/// What a check of a motion found.
+pub(super) struct Checked {
+    pub(super) is_free: bool,
+    /// Configurations looked at.
+    pub(super) n_checks: u64,
+}
+
+/// Whether the arm is free at `n_steps` (or a few more) configurations equally spaced between `a`, which is not among them, and
+/// `b`, which is.
+pub(super) fn motion_is_free(scene: &Scene, arm: &ArmSpheres, a: &JointConfig, b: &JointConfig, n_steps: usize) -> Checked {
+    if !(a.is_finite() && b.is_finite()) {
+        return Checked { is_free: false, n_checks: 0 };
+    }
+    dispatch!(arm.level, simd => rake(simd, scene, arm, a, b, n_steps.max(1).next_multiple_of(BLOCK)))
+}
+
+/// Lanes are spread evenly over the motion and step back together: a collision anywhere shows early.
+#[inline(always)]
+fn rake<S: Simd>(simd: S, scene: &Scene, arm: &ArmSpheres, a: &JointConfig, b: &JointConfig, n: usize) -> Checked {
+    let width = Floats::<S>::LEN;
+    let stride = n.div_ceil(width);
+    for step in 0..stride {
+        let fraction = fractions(simd, stride, step, n);
+        let mut q = [fraction; DOF];
+        for j in 0..DOF {
+            q[j] = fraction * (b[j] - a[j]) + a[j];
+        }
+        if !block_is_free(simd, scene, arm, &q) {
+            return Checked { is_free: false, n_checks: ((step + 1) * width).min(n) as u64 };
+        }
+    }
+    Checked { is_free: true, n_checks: n as u64 }
+}
+
+/// Where on a motion of `n` steps the lanes are; those beyond the end look at the end again.
+#[inline(always)]
+fn fractions<S: Simd>(simd: S, stride: usize, step: usize, n: usize) -> Floats<S> {
+    let mut fractions = [0.0; MAX_WIDTH];
+    for (lane, fraction) in fractions.iter_mut().enumerate() {
+        *fraction = ((lane + 1) * stride - step).min(n) as f32;
+    }
+    Floats::<S>::from_slice(simd, &fractions[..Floats::<S>::LEN]) / n as f32
+}
+
+#[inline(always)]
+fn block_is_free<S: Simd>(simd: S, scene: &Scene, arm: &ArmSpheres, q: &[Floats<S>; DOF]) -> bool {
+    let mut frames = [Frames::identity(simd); DOF + 1];
+    forward_kinematics(simd, arm, q, &mut frames);
+    let mut bounds = ArrayVec::<Vec3s<S>, MAX_LINKS>::new();
+    for link in &arm.links {
+        let frame = &frames[link.body];
+        let bound = frame.point(link.bound.center);
+        bounds.push(bound);
+        let points = match link.part {
+            ArmPart::Base => continue,
+            ArmPart::Arm => &scene.arm_points,
+            ArmPart::Hand => &scene.hand_points,
+        };
+        if points.meet(simd, link, frame, bound) || scene.solids.meet(link, frame, bound) {
+            return false;
+        }
+    }
+    !meets_itself(simd, arm, &frames, &bounds)
+}
+
+#[inline(always)]
+fn meets_itself<S: Simd>(simd: S, arm: &ArmSpheres, frames: &[Frames<S>], bounds: &[Vec3s<S>]) -> bool {
+    for &(a, b) in &arm.self_pairs {
+        let (link_a, link_b) = (&arm.links[a], &arm.links[b]);
+        if overlap(bounds[a], link_a.bound.radius, bounds[b], link_b.bound.radius)
+            && links_meet(simd, (link_a, &frames[link_a.body]), (link_b, &frames[link_b.body]), bounds[b])
+        {
+            return true;
+        }
+    }
+    false
+}
+
+#[inline(always)]
+fn links_meet<S: Simd>(
+    simd: S,
+    (a, frame_a): (&LinkSpheres, &Frames<S>),
+    (b, frame_b): (&LinkSpheres, &Frames<S>),
+    bound_b: Vec3s<S>,
+) -> bool {
+    for cluster in &a.clusters {
+        let center = frame_a.point(cluster.bound.center);
+        if overlap(center, cluster.bound.radius, bound_b, b.bound.radius) {
+            for other in &b.clusters {
+                if overlap(center, cluster.bound.radius, frame_b.point(other.bound.center), other.bound.radius)
+                    && clusters_meet(simd, (cluster, frame_a), (other, frame_b))
+                {
+                    return true;
+                }
+            }
+        }
+    }
+    false
+}
+
+#[inline(always)]
+fn clusters_meet<S: Simd>(simd: S, (a, frame_a): (&Cluster, &Frames<S>), (b, frame_b): (&Cluster, &Frames<S>)) -> bool {
+    let mut centers = [Vec3s::splat(simd, Vec3::ZERO); CLUSTER];
+    for (sphere, center) in b.spheres.iter().zip(&mut centers) {
+        *center = frame_b.point(sphere.center);
+    }
+    for sphere in &a.spheres {
+        let center = frame_a.point(sphere.center);
+        for (other, at) in b.spheres.iter().zip(&centers) {
+            if overlap(center, sphere.radius, *at, other.radius) {
+                return true;
+            }
+        }
+    }
+    false
+}
+
+/// Whether two balls overlap in any lane.
+#[inline(always)]
+fn overlap<S: Simd>(a: Vec3s<S>, radius_a: f32, b: Vec3s<S>, radius_b: f32) -> bool {
+    let reach = radius_a + radius_b;
+    a.sub(b).length_squared().simd_lt(reach * reach).any_true()
+}
+
+/// Frames of what every joint carries; the first, of the base, is left as it is.
+#[inline(always)]
+fn forward_kinematics<S: Simd>(simd: S, arm: &ArmSpheres, q: &[Floats<S>; DOF], frames: &mut [Frames<S>; DOF + 1]) {
+    for (j, joint) in arm.joints.iter().enumerate() {
+        let at = &frames[j];
+        let [x, y, z] = match &joint.rotation {
+            Rotation::QuarterTurns(turns) => [at.along(turns[0]), at.along(turns[1]), at.along(turns[2])],
+            Rotation::General(rotation) => [at.vector(rotation.x_axis), at.vector(rotation.y_axis), at.vector(rotation.z_axis)],
+        };
+        let origin = at.offset(joint.translation);
+        frames[j + 1] = match joint.motion {
+            Motion::Slide => Frames { axes: [x, y, z], origin: origin.add(z.scaled(q[j])) },
+            Motion::Turn => {
+                let (sin, cos) = sincos(simd, q[j]);
+                Frames { axes: [x.scaled(cos).add(y.scaled(sin)), y.scaled(cos).sub(x.scaled(sin)), z], origin }
+            }
+        };
+    }
+}
+
+impl<S: Simd> Frames<S> {
+    #[inline(always)]
+    fn identity(simd: S) -> Self {
+        let axes = [Vec3s::splat(simd, Vec3::X), Vec3s::splat(simd, Vec3::Y), Vec3s::splat(simd, Vec3::Z)];
+        Self { axes, origin: Vec3s::splat(simd, Vec3::ZERO) }
+    }
+
+    /// One of the axes or its opposite.
+    #[inline(always)]
+    fn along(&self, (axis, sign): (usize, f32)) -> Vec3s<S> {
+        let axis = self.axes[axis];
+        if sign < 0.0 { Vec3s { x: -axis.x, y: -axis.y, z: -axis.z } } else { axis }
+    }
+
+    #[inline(always)]
+    fn vector(&self, v: Vec3) -> Vec3s<S> {
+        self.axes[0].times(v.x).add(self.axes[1].times(v.y)).add(self.axes[2].times(v.z))
+    }
+
+    /// A point of this frame in the world.
+    #[inline(always)]
+    pub(super) fn point(&self, v: Vec3) -> Vec3s<S> {
+        self.vector(v).add(self.origin)
+    }
+
+    /// A point most of whose coordinates are 0.
+    #[inline(always)]
+    fn offset(&self, v: Vec3) -> Vec3s<S> {
+        let mut point = self.origin;
+        for (axis, along) in [(0, v.x), (1, v.y), (2, v.z)] {
+            if along != 0.0 {
+                point = point.add(self.axes[axis].times(along));
+            }
+        }
+        point
+    }
+}
