@@ -64,6 +64,8 @@ pub struct ChainLink {
     pub body_from_link: DPose3,
     /// Collision spheres in the frame of the body.
     pub spheres: Vec<Sphere>,
+    /// Furthest that a sphere reaches beyond the geometry it was fitted to, metres; 0 where the geometry is spheres.
+    pub overshoot: f32,
 }
 
 impl Chain {
@@ -167,7 +169,8 @@ fn built_in_link(robot: &Robot, frame: usize, spheres: &[Sphere]) -> ChainLink {
         super::HAND => ("hand".to_owned(), robot.link7_from_flange),
         link => (format!("link{link}"), DPose3::IDENTITY),
     };
-    ChainLink { name, body: frame.min(DOF), body_from_link, spheres: moved(spheres, &body_from_link) }
+    let spheres = moved(spheres, &body_from_link);
+    ChainLink { name, body: frame.min(DOF), body_from_link, spheres, overshoot: super::MAX_OVERSHOOT }
 }
 
 /// The spheres in another frame.

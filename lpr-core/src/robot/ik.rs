@@ -5,6 +5,7 @@
 //! the reference configuration `near`.
 
 mod closed_form;
+mod damped;
 mod step;
 
 pub use closed_form::IkBranches;

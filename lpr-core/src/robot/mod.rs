@@ -3,13 +3,18 @@
 //! The base is the world frame, z up, table top at z = 0. Joints are modified-DH rows as in `T = Rx(alpha) Tx(a) Rz(q) Tz(d)`.
 
 mod chain;
+mod fit;
 mod geometry;
 #[cfg(test)]
 mod golden;
 mod ik;
 mod kinematics;
+mod mesh;
 mod panda;
+mod srdf;
+mod urdf;
 mod xarm7;
+mod xml;
 
 use crate::error::{Error, Result};
 
@@ -18,8 +23,10 @@ use glamx::{DPose3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
 pub use chain::{Chain, ChainJoint, ChainLink, Motion, N_BODIES};
+pub use fit::MAX_SPHERES;
 pub use geometry::{Finger, GripperBox, MAX_OVERSHOOT};
 pub use ik::{IkBranches, MAX_STEP_CHANGE};
+pub use mesh::MeshReader;
 pub use panda::PANDA;
 pub use xarm7::XARM7;
 

@@ -18,7 +18,7 @@ const PULL_ZONE: f64 = 1.2;
 const SEARCH_SPACING: f64 = 0.02;
 
 /// A velocity of the grip: metres, then radians.
-type Twist = [f64; 6];
+pub(super) type Twist = [f64; 6];
 
 impl Robot {
     /// The configuration that continues `near` to a grip pose a small motion away.
@@ -55,7 +55,7 @@ impl Robot {
                 newton.converged = true;
                 return newton;
             }
-            let inverse = DampedInverse::new(self.jacobian_of(&frames));
+            let inverse = DampedInverse::new(self.jacobian_of(&frames), DAMPING);
             let mut change = inverse.apply(&error);
             if iteration == 0 {
                 self.add_pull(&inverse, &newton.angles, &mut change);
@@ -120,7 +120,7 @@ fn repulsion(joint: &Joint, q: f64) -> f64 {
 }
 
 /// The twist that takes one pose to the other in unit time.
-fn twist_between(from: &DPose3, to: &DPose3) -> Twist {
+pub(super) fn twist_between(from: &DPose3, to: &DPose3) -> Twist {
     let linear = to.translation - from.translation;
     let turn = to.rotation * from.rotation.inverse();
     let turn = if turn.w < 0.0 { -turn } else { turn };
@@ -131,20 +131,21 @@ fn twist_between(from: &DPose3, to: &DPose3) -> Twist {
 }
 
 /// `Jᵀ (J Jᵀ + λ²)⁻¹` with its Cholesky factor.
-struct DampedInverse {
+pub(super) struct DampedInverse {
     jacobian: [[f64; DOF]; 6],
     factor: [[f64; 6]; 6],
 }
 
 impl DampedInverse {
-    fn new(jacobian: [[f64; DOF]; 6]) -> Self {
+    /// With the damping `λ`, in units of the Jacobian.
+    pub(super) fn new(jacobian: [[f64; DOF]; 6], damping: f64) -> Self {
         let mut factor = [[0.0; 6]; 6];
         for row in 0..6 {
             for col in 0..=row {
                 let gram: f64 = jacobian[row].iter().zip(&jacobian[col]).map(|(a, b)| a * b).sum();
                 let known: f64 = (0..col).map(|k| factor[row][k] * factor[col][k]).sum();
                 factor[row][col] = if row == col {
-                    libm::sqrt((gram + DAMPING * DAMPING - known).max(DAMPING * DAMPING))
+                    libm::sqrt((gram + damping * damping - known).max(damping * damping))
                 } else {
                     (gram - known) / factor[col][col]
                 };
@@ -159,7 +160,7 @@ impl DampedInverse {
     }
 
     /// The smallest joint velocities with that twist.
-    fn apply(&self, twist: &Twist) -> Angles {
+    pub(super) fn apply(&self, twist: &Twist) -> Angles {
         let mut y = *twist;
         for row in 0..6 {
             let known: f64 = (0..row).map(|k| self.factor[row][k] * y[k]).sum();

@@ -1,0 +1,93 @@
+//! Few of many balls that cover what must be covered.
+
+use super::grid::{Grid, Spot};
+use glamx::DVec3;
+
+/// Spots on which candidates are compared.
+const N_COMPARED: usize = 1024;
+
+/// A ball that may be enlarged.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Ball {
+    pub(super) center: DVec3,
+    /// Distance of the centre from the surface, at least; negative outside.
+    pub(super) depth: f64,
+    pub(super) radius: f64,
+}
+
+impl Ball {
+    fn covers(&self, spot: &Spot) -> bool {
+        let room = self.radius - spot.radius;
+        room >= 0.0 && self.center.distance_squared(spot.center) <= room * room
+    }
+
+    /// How far the spot is from leaving the ball, metres.
+    fn room_around(&self, spot: &Spot) -> f64 {
+        self.radius - spot.radius - self.center.distance(spot.center)
+    }
+}
+
+/// At most `n` balls, enlarged by no more than `tolerance`, that cover the grid's spots.
+///
+/// Greedy: the spot furthest from the middle, where candidates are fewest, takes the ball that covers most besides it.
+pub(super) fn choose(grid: &Grid, tolerance: f64, n: usize) -> Option<Vec<Ball>> {
+    let enlarged = |ball: Ball| Ball { radius: ball.depth + tolerance, ..ball };
+    let candidates: Vec<Ball> = grid.balls().map(enlarged).collect();
+    let spots = from_outside(grid);
+    let mut uncovered = spots.clone();
+    let mut chosen = Vec::new();
+    while let Some(spot) = uncovered.first() {
+        // As many again: some become superfluous.
+        if chosen.len() >= 2 * n {
+            return None;
+        }
+        let own = enlarged(grid.ball_at(spot.center));
+        let covering = candidates.iter().chain([&own]).filter(|ball| ball.covers(spot));
+        let best = *covering.max_by_key(|ball| n_covered(ball, &uncovered))?;
+        chosen.push(best);
+        uncovered.retain(|spot| !best.covers(spot));
+    }
+    drop_superfluous(&mut chosen, &spots);
+    tighten(&mut chosen, &spots);
+    (chosen.len() <= n).then_some(chosen)
+}
+
+/// The spots, the furthest from the middle first.
+fn from_outside(grid: &Grid) -> Vec<Spot> {
+    let mut spots: Vec<Spot> = grid.spots().collect();
+    let (low, high) =
+        spots.iter().fold((DVec3::MAX, DVec3::MIN), |(low, high), spot| (low.min(spot.center), high.max(spot.center)));
+    let middle = 0.5 * (low + high);
+    spots.sort_by(|a, b| b.center.distance_squared(middle).total_cmp(&a.center.distance_squared(middle)));
+    spots
+}
+
+fn n_covered(ball: &Ball, spots: &[Spot]) -> usize {
+    spots.iter().step_by(spots.len() / N_COMPARED + 1).filter(|spot| ball.covers(spot)).count()
+}
+
+/// Leaves out balls without which everything is covered, the smallest first.
+fn drop_superfluous(balls: &mut Vec<Ball>, spots: &[Spot]) {
+    balls.sort_by(|a, b| a.radius.total_cmp(&b.radius));
+    let mut n_covering: Vec<usize> = spots.iter().map(|spot| balls.iter().filter(|ball| ball.covers(spot)).count()).collect();
+    balls.retain(|ball| {
+        let is_needed = spots.iter().zip(&n_covering).any(|(spot, n)| *n == 1 && ball.covers(spot));
+        if !is_needed {
+            let covered = spots.iter().zip(&mut n_covering).filter(|(spot, _)| ball.covers(spot));
+            covered.for_each(|(_, n)| *n -= 1);
+        }
+        is_needed
+    });
+}
+
+/// Makes every ball as small as it may be, where a spot is left to the ball that has most room around it.
+fn tighten(balls: &mut [Ball], spots: &[Spot]) {
+    let mut needed = vec![0.0_f64; balls.len()];
+    for spot in spots {
+        let room = |i: &usize| balls[*i].room_around(spot);
+        if let Some(i) = (0..balls.len()).max_by(|a, b| room(a).total_cmp(&room(b))) {
+            needed[i] = needed[i].max(balls[i].radius - balls[i].room_around(spot));
+        }
+    }
+    balls.iter_mut().zip(needed).for_each(|(ball, radius)| ball.radius = radius);
+}

@@ -1,0 +1,199 @@
+//! Inverse kinematics of any serial arm: damped least squares from many starts.
+//!
+//! Levenberg and Marquardt's method on the twist that is left, in metres and radians: `dq = Jᵀ (J Jᵀ + λ²)⁻¹ e`, where `λ` shrinks
+//! with every step that helps and grows with every one that does not. A joint at a limit that a step would cross is held there
+//! for that step. Where the error stops shrinking, the next start is drawn.
+
+use super::super::chain::{Chain, ChainJoint, Motion, N_BODIES};
+use super::super::{DOF, JointConfig};
+use super::Distinct;
+use super::closed_form::{Angles, exact_pose, rounded, widened};
+use super::step::{DampedInverse, Twist, twist_between};
+use crate::rng::Rng;
+use core::f64::consts::TAU;
+use glamx::{DPose3, DVec3, Pose3};
+use rand::RngExt as _;
+
+/// Largest distance of a solution's tip from the pose asked for, metres.
+const MAX_DISTANCE: f64 = 1e-4;
+/// Largest angle between both, radians.
+const MAX_ANGLE: f64 = 1e-3;
+/// Remaining error at which an attempt ends, metres and radians: well below what rounding to f32 adds.
+const CONVERGED: f64 = 1e-9;
+/// Steps of one attempt.
+const MAX_STEPS: usize = 120;
+/// Steps in which the squared error must halve.
+const PATIENCE: usize = 10;
+/// Attempts before a pose counts as out of reach.
+const MIN_ATTEMPTS: usize = 60;
+/// Further attempts for each solution that is asked for.
+const ATTEMPTS_EACH: usize = 8;
+/// Damping of the first step, and its bounds, in units of the Jacobian.
+const FIRST_DAMPING: f64 = 0.1;
+const MIN_DAMPING: f64 = 1e-6;
+const MAX_DAMPING: f64 = 1e3;
+/// Factors of the damping after a step that helped, and after one that did not.
+const EASED: f64 = 0.3;
+const STIFFENED: f64 = 3.0;
+
+impl Chain {
+    /// Up to `n_solutions` configurations within the limits whose tip is at `world_from_tip`, to 1e-4 m and 1e-3 rad.
+    ///
+    /// Any two differ by more than `min_distance` in some joint (radians modulo 2π, metres). The first attempt starts from
+    /// `seed`, the others from draws; each solution takes the winding nearest `seed`. Empty when nothing was found, which is no
+    /// proof that there is nothing: an arm of fewer than six joints reaches few poses.
+    #[must_use]
+    pub fn ik(
+        &self,
+        world_from_tip: &Pose3,
+        seed: &JointConfig,
+        n_solutions: usize,
+        min_distance: f32,
+        rng: &mut Rng,
+    ) -> Vec<JointConfig> {
+        let target = exact_pose(world_from_tip);
+        let mut distinct = Distinct { solutions: Vec::new(), n: n_solutions, min_distance };
+        if !(target.is_finite() && seed.is_finite()) {
+            return distinct.solutions;
+        }
+        let seed = self.within(&widened(seed));
+        let mut start = seed;
+        for attempt in 0..MIN_ATTEMPTS + ATTEMPTS_EACH * n_solutions {
+            let is_hopeless = attempt >= MIN_ATTEMPTS && distinct.solutions.is_empty();
+            if distinct.solutions.len() >= n_solutions || is_hopeless {
+                break;
+            }
+            if let Some(config) = self.descend(&target, start).and_then(|found| self.accepted(&found, &seed, &target)) {
+                distinct.offer(config);
+            }
+            start = self.drawn(rng);
+        }
+        distinct.solutions
+    }
+
+    /// Where the error vanishes below `start`, if it does.
+    fn descend(&self, target: &DPose3, start: Angles) -> Option<Angles> {
+        let mut at = Residual::new(self, target, start);
+        let (mut damping, mut earlier) = (FIRST_DAMPING, f64::INFINITY);
+        for step in 1..=MAX_STEPS {
+            if at.error.iter().all(|part| part.abs() < CONVERGED) {
+                break;
+            }
+            if step % PATIENCE == 0 && core::mem::replace(&mut earlier, at.squared) < 2.0 * at.squared {
+                break;
+            }
+            let next = Residual::new(self, target, self.step(&at, damping));
+            if next.squared < at.squared {
+                at = next;
+                damping = (EASED * damping).max(MIN_DAMPING);
+            } else {
+                damping *= STIFFENED;
+            }
+            if damping > MAX_DAMPING {
+                break;
+            }
+        }
+        at.is_solved().then_some(at.positions)
+    }
+
+    /// The damped step from `at`, in which joints stay within their limits.
+    fn step(&self, at: &Residual, damping: f64) -> Angles {
+        let mut jacobian = self.chain_jacobian(&at.frames);
+        // Each round holds at least one more joint.
+        for _ in 0..=DOF {
+            let change = DampedInverse::new(jacobian, damping).apply(&at.error);
+            let proposed: Angles = core::array::from_fn(|j| at.positions[j] + change[j]);
+            let kept = self.within(&proposed);
+            let is_stuck = |j: &usize| change[*j] != 0.0 && proposed[*j] != kept[*j] && at.positions[*j] == kept[*j];
+            let stuck: Vec<usize> = (0..DOF).filter(is_stuck).collect();
+            if stuck.is_empty() {
+                return kept;
+            }
+            jacobian.iter_mut().for_each(|row| stuck.iter().for_each(|&j| row[j] = 0.0));
+        }
+        at.positions
+    }
+
+    /// Jacobian of the tip in the world frame: rows are linear, then angular velocity; entries without a joint have none.
+    fn chain_jacobian(&self, frames: &[DPose3; N_BODIES]) -> [[f64; DOF]; 6] {
+        let tip = (frames[DOF] * self.body_from_tip).translation;
+        let mut jacobian = [[0.0; DOF]; 6];
+        for (j, (joint, frame)) in self.joints.iter().zip(&frames[1..]).enumerate() {
+            let axis = frame.rotation * DVec3::Z;
+            let (linear, angular) = match joint.motion {
+                Motion::Turn => (axis.cross(tip - frame.translation), axis),
+                Motion::Slide => (axis, DVec3::ZERO),
+            };
+            for (row, value) in linear.to_array().into_iter().chain(angular.to_array()).enumerate() {
+                jacobian[row][j] = value;
+            }
+        }
+        jacobian
+    }
+
+    /// The positions moved into the limits; 0 where there is no joint.
+    fn within(&self, positions: &Angles) -> Angles {
+        let limits = self.limits();
+        core::array::from_fn(|j| positions[j].clamp(f64::from(limits[j].0), f64::from(limits[j].1)))
+    }
+
+    /// A start within the limits, of joints that turn at most one turn of them.
+    fn drawn(&self, rng: &mut Rng) -> Angles {
+        core::array::from_fn(|j| self.joints.get(j).map_or(0.0, |joint| joint.drawn(rng)))
+    }
+
+    /// The solution in f32 with the windings nearest `seed`, if its tip is where it should be.
+    fn accepted(&self, found: &Angles, seed: &Angles, target: &DPose3) -> Option<JointConfig> {
+        let wound = core::array::from_fn(|j| self.joints.get(j).map_or(0.0, |joint| joint.wound(found[j], seed[j])));
+        let config = rounded(&wound);
+        Residual::new(self, target, widened(&config)).is_solved().then_some(config)
+    }
+}
+
+impl ChainJoint {
+    fn drawn(&self, rng: &mut Rng) -> f64 {
+        let (lower, upper) = (f64::from(self.lower), f64::from(self.upper));
+        let fraction = rng.random::<f64>();
+        if self.motion == Motion::Turn && upper - lower > TAU {
+            return (TAU * (fraction - 0.5)).clamp(lower, upper);
+        }
+        lower + fraction * (upper - lower)
+    }
+
+    /// The position that differs from `q` by whole turns and is nearest `near` within the limits.
+    fn wound(&self, q: f64, near: f64) -> f64 {
+        let (lower, upper) = (f64::from(self.lower), f64::from(self.upper));
+        if self.motion == Motion::Slide {
+            return q;
+        }
+        let turns = libm::round((near - q) / TAU);
+        let (fewest, most) = (libm::ceil((lower - q) / TAU), libm::floor((upper - q) / TAU));
+        // `q` is within the limits: no turn is between both.
+        q + TAU * turns.clamp(fewest.min(0.0), most.max(0.0))
+    }
+}
+
+/// What is left between the tip and the target.
+struct Residual {
+    positions: Angles,
+    frames: [DPose3; N_BODIES],
+    error: Twist,
+    squared: f64,
+}
+
+impl Residual {
+    fn new(chain: &Chain, target: &DPose3, positions: Angles) -> Self {
+        let frames = chain.frames_at(&positions);
+        let error = twist_between(&(frames[DOF] * chain.body_from_tip), target);
+        Self { positions, frames, squared: error.iter().map(|part| part * part).sum(), error }
+    }
+
+    fn is_solved(&self) -> bool {
+        let [x, y, z, around_x, around_y, around_z] = self.error;
+        let is_below = |v: DVec3, most: f64| v.dot(v) < most * most;
+        is_below(DVec3::new(x, y, z), MAX_DISTANCE) && is_below(DVec3::new(around_x, around_y, around_z), MAX_ANGLE)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,233 @@
+//! Triangles of mesh files: STL, binary and ASCII, and OBJ.
+//!
+//! Only positions and faces are read; normals, colours and textures are ignored.
+
+use super::Result;
+use super::xml::{MAX_LENGTH, quoted};
+use glamx::DVec3;
+
+/// Corners of a triangle, metres.
+pub(super) type Triangle = [DVec3; 3];
+
+/// Reads a mesh by the file name that stands in the description; `None` when there is no such file.
+pub type MeshReader<'a> = dyn Fn(&str) -> Option<Vec<u8>> + 'a;
+
+/// Bytes of a binary STL before its triangles: a header and their number.
+const STL_HEAD: usize = 84;
+/// Bytes of a triangle of a binary STL: normal, three corners, attribute count.
+const STL_TRIANGLE: usize = 50;
+
+/// The triangles of the mesh `file`, scaled along its axes; never none.
+pub(super) fn read(file: &str, scale: DVec3, meshes: &MeshReader<'_>) -> Result<Vec<Triangle>, String> {
+    let parse = parser(file).ok_or_else(|| format!("mesh {} is neither STL nor OBJ", quoted(file)))?;
+    let bytes = meshes(file).ok_or_else(|| format!("there is no mesh {}", quoted(file)))?;
+    let in_file = |message: String| format!("mesh {}: {message}", quoted(file));
+    let mut triangles = parse(&bytes).map_err(in_file)?;
+    triangles.iter_mut().flatten().for_each(|corner| *corner *= scale);
+    let is_broken =
+        |triangle: &Triangle| triangle.iter().any(|corner| !(corner.abs().max_element() <= MAX_LENGTH && corner.is_finite()));
+    match triangles.iter().position(is_broken) {
+        Some(i) => Err(in_file(format!("triangle {i} has a corner that is not finite or further than {MAX_LENGTH} m away"))),
+        None if triangles.is_empty() => Err(in_file("it has no triangles".to_owned())),
+        None => Ok(triangles),
+    }
+}
+
+type Parser = fn(&[u8]) -> Result<Vec<Triangle>, String>;
+
+/// By the end of the file's name.
+fn parser(file: &str) -> Option<Parser> {
+    let (_, ending) = file.rsplit_once('.')?;
+    match ending.to_ascii_lowercase().as_str() {
+        "stl" => Some(stl),
+        "obj" => Some(obj),
+        _ => None,
+    }
+}
+
+/// A binary file says how many triangles it has, and is exactly that long; some start with the word of the ASCII form.
+fn stl(bytes: &[u8]) -> Result<Vec<Triangle>, String> {
+    let announced = bytes.get(80..STL_HEAD).map(|count| u32::from_le_bytes([count[0], count[1], count[2], count[3]]));
+    let body = bytes.get(STL_HEAD..).unwrap_or_default();
+    if announced.is_some_and(|n| n as usize == body.len() / STL_TRIANGLE && body.len() % STL_TRIANGLE == 0) {
+        return Ok(body.chunks_exact(STL_TRIANGLE).map(stl_triangle).collect());
+    }
+    if bytes.trim_ascii_start().starts_with(b"solid") {
+        return ascii_stl(&String::from_utf8_lossy(bytes));
+    }
+    Err(match announced {
+        Some(n) => format!("{n} triangles announced, but {} bytes follow the head", body.len()),
+        None => format!("{} bytes are too few for an STL file", bytes.len()),
+    })
+}
+
+fn stl_triangle(bytes: &[u8]) -> Triangle {
+    let float = |at: usize| f64::from(f32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]));
+    // The first 12 bytes are the normal.
+    [12, 24, 36].map(|at| DVec3::new(float(at), float(at + 4), float(at + 8)))
+}
+
+fn ascii_stl(text: &str) -> Result<Vec<Triangle>, String> {
+    let mut corners = Vec::new();
+    for (i, line) in text.lines().enumerate() {
+        if let Some(rest) = line.trim_start().strip_prefix("vertex") {
+            corners.push(position(rest).ok_or_else(|| format!("line {}: no corner: {}", i + 1, quoted(line)))?);
+        }
+    }
+    match corners.as_chunks::<3>() {
+        (triangles, []) => Ok(triangles.to_vec()),
+        _ => Err(format!("{} corners do not make whole triangles", corners.len())),
+    }
+}
+
+/// The first three numbers of a line.
+fn position(text: &str) -> Option<DVec3> {
+    let mut numbers = text.split_whitespace().map(|word| word.parse().ok());
+    Some(DVec3::new(numbers.next()??, numbers.next()??, numbers.next()??))
+}
+
+/// Polygons are cut into fans, which is exact for convex ones.
+fn obj(bytes: &[u8]) -> Result<Vec<Triangle>, String> {
+    let (mut corners, mut triangles) = (Vec::new(), Vec::new());
+    for (i, line) in String::from_utf8_lossy(bytes).lines().enumerate() {
+        let wrong = |what: &str| format!("line {}: {what}: {}", i + 1, quoted(line));
+        match line.trim_start().split_once([' ', '\t']) {
+            Some(("v", rest)) => corners.push(position(rest).ok_or_else(|| wrong("no corner"))?),
+            Some(("f", rest)) => {
+                let polygon: Option<Vec<DVec3>> = rest.split_whitespace().map(|word| corner_of(word, &corners)).collect();
+                let polygon = polygon.filter(|it| it.len() >= 3).ok_or_else(|| wrong("no face of corners before it"))?;
+                triangles.extend(polygon[1..].windows(2).map(|pair| [polygon[0], pair[0], pair[1]]));
+            }
+            _ => {}
+        }
+    }
+    Ok(triangles)
+}
+
+/// The corner of `7`, `7/1`, `7//2` or `7/1/2`; negative numbers count from the last corner.
+fn corner_of(word: &str, corners: &[DVec3]) -> Option<DVec3> {
+    let number: i64 = word.split('/').next()?.parse().ok()?;
+    let idx = if number > 0 { number.checked_sub(1)? } else { number.checked_add(corners.len() as i64)? };
+    (number != 0).then_some(())?;
+    corners.get(usize::try_from(idx).ok()?).copied()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const TETRAHEDRON: &str = "# four faces\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n\
+                               f 1 3 2\nf 1/1 2/2 4/3\nf 1//1 4//2 3//3\nf -3 -2 -1\n";
+
+    fn read_bytes(file: &str, bytes: &[u8]) -> Result<Vec<Triangle>, String> {
+        read(file, DVec3::ONE, &|_| Some(bytes.to_vec()))
+    }
+
+    fn binary_stl(triangles: &[Triangle]) -> Vec<u8> {
+        let mut bytes = b"solid by name only".to_vec();
+        bytes.resize(80, b' ');
+        bytes.extend((triangles.len() as u32).to_le_bytes());
+        for triangle in triangles {
+            let corners = triangle.iter().flat_map(|corner| corner.to_array());
+            let floats = [0.0; 3].into_iter().chain(corners);
+            bytes.extend(floats.flat_map(|x| (x as f32).to_le_bytes()));
+            bytes.extend([0, 0]);
+        }
+        bytes
+    }
+
+    fn ascii_stl_of(triangles: &[Triangle]) -> Vec<u8> {
+        let facet = |[a, b, c]: &Triangle| {
+            let corners: String = [a, b, c].map(|p| format!("  vertex {} {} {}\n", p.x, p.y, p.z)).concat();
+            format!("facet normal 0 0 1\n outer loop\n{corners} endloop\nendfacet\n")
+        };
+        format!("solid part\n{}endsolid part\n", triangles.iter().map(facet).collect::<String>()).into_bytes()
+    }
+
+    #[test]
+    fn the_three_formats_read_the_same_triangles() {
+        let triangles = read_bytes("a.obj", TETRAHEDRON.as_bytes()).expect("a tetrahedron");
+        assert_eq!(triangles.len(), 4);
+        assert_eq!(triangles[3], [DVec3::X, DVec3::Y, DVec3::Z]);
+        assert_eq!(read_bytes("a.stl", &binary_stl(&triangles)).as_ref(), Ok(&triangles));
+        assert_eq!(read_bytes("A.STL", &ascii_stl_of(&triangles)).as_ref(), Ok(&triangles));
+    }
+
+    #[test]
+    fn a_quadrilateral_is_two_triangles_and_scale_is_along_the_axes() {
+        let text = b"v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n";
+        let scale = DVec3::new(1.0, 2.0, -1.0);
+        let found = read("a.obj", scale, &|_| Some(text.to_vec())).expect("a square");
+        let corner = |x, y| DVec3::new(x, 2.0 * y, -0.0);
+        assert_eq!(
+            found,
+            [[corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0)], [corner(0.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0)]]
+        );
+    }
+
+    #[test]
+    fn what_is_wrong_with_a_mesh_is_said() {
+        let check = |file: &str, bytes: &[u8], expected: &str| {
+            let message = read_bytes(file, bytes).expect_err(expected);
+            assert!(message.contains(expected) && message.contains(file), "{message}");
+        };
+        check("a.dae", b"", "neither STL nor OBJ");
+        check("a", b"", "neither STL nor OBJ");
+        check("a.stl", b"", "too few");
+        check("a.stl", &[0; 100], "0 triangles announced");
+        check("a.stl", &binary_stl(&[]), "no triangles");
+        check("a.stl", b"solid\nvertex 1 2 x\n", "line 2: no corner");
+        check("a.stl", b"solid\nvertex 1 2 3\n", "whole triangles");
+        check("a.stl", b"solid\nvertex 1 2 3\nvertex 1 2 NaN\nvertex 1 2 4", "not finite");
+        check("a.obj", b"v 0 0 0\nv 0 0 2000\nf 1 2 1", "not finite or further");
+        check("a.obj", b"v 1 2 3\nf 1 2 3\n", "line 2: no face");
+        check("a.obj", b"v 1 2 3\nf 0 1 1\n", "line 2: no face");
+        check("a.obj", b"v 1 2 3\nf 1 1\n", "line 2: no face");
+        check("a.obj", b"v 1 2\n", "line 1: no corner");
+        check("a.obj", b"", "no triangles");
+        assert!(read("a.stl", DVec3::ONE, &|_| None).is_err_and(|message| message.contains("no mesh 'a.stl'")));
+    }
+
+    /// Text that is close to a mesh.
+    fn near_mesh() -> impl Strategy<Value = Vec<u8>> {
+        let word = prop_oneof![
+            "v",
+            "f",
+            "solid",
+            "vertex",
+            "\n",
+            "-?[0-9]{1,20}",
+            "[0-9]/[0-9]",
+            "nan",
+            "inf",
+            "-9223372036854775808",
+            "\\PC"
+        ];
+        prop::collection::vec(word, 0..60).prop_map(|words| words.join(" ").into_bytes())
+    }
+
+    proptest! {
+        #[test]
+        fn arbitrary_bytes_make_triangles_or_a_message(bytes in prop_oneof![prop::collection::vec(any::<u8>(), 0..400), near_mesh()]) {
+            for file in ["a.stl", "a.obj"] {
+                match read_bytes(file, &bytes) {
+                    Ok(triangles) => prop_assert!(triangles.iter().flatten().all(|corner| corner.is_finite())),
+                    Err(message) => prop_assert!(message.contains(file)),
+                }
+            }
+        }
+
+        #[test]
+        fn a_binary_file_with_changed_or_missing_bytes_makes_triangles_or_a_message(
+            at in any::<prop::sample::Index>(), byte in any::<u8>(), end in any::<prop::sample::Index>(),
+        ) {
+            let mut bytes = binary_stl(&[[DVec3::X, DVec3::Y, DVec3::Z]; 3]);
+            let i = at.index(bytes.len());
+            bytes[i] = byte;
+            bytes.truncate(end.index(bytes.len() + 1));
+            let read = read_bytes("a.stl", &bytes);
+            prop_assert!(read.is_err_and(|message| message.len() > "mesh 'a.stl': ".len()) || bytes.len() == 84 + 150);
+        }
+    }
+}
