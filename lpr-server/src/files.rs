@@ -214,7 +214,7 @@ fn parse_json<T: DeserializeOwned>(path: &Path, text: &[u8]) -> Result<T> {
     Ok(value)
 }
 
-fn read_bounded(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
+pub(crate) fn read_bounded(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
     let file = File::open(path).map_err(FileError::io("read", path))?;
     let reader = BufReader::new(file);
     let mut text = Vec::new();

@@ -72,24 +72,24 @@ impl From<DPose3> for PoseJson {
 }
 
 /// A pose for inverse kinematics.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct PoseQuery {
     /// `world_from_flange`.
     pub world_from_flange: DPose3,
-    /// Where to look for a solution first.
-    pub seed_config: Option<JointConfig>,
+    /// Where to look for a solution first: one number for each joint, unchecked.
+    pub seed_config: Option<Vec<f32>>,
 }
 
-/// Reads `{"configs": [[q…]…]}`, radians.
+/// Reads `{"configs": [[q…]…]}`, radians; how many numbers a configuration has is unchecked.
 ///
 /// # Errors
 ///
 /// When the file is missing or malformed, naming the configuration at fault.
-pub fn read_configs(path: &Path) -> Result<Vec<JointConfig>> {
+pub fn read_configs(path: &Path) -> Result<Vec<Vec<f32>>> {
     #[derive(Deserialize)]
     #[serde(deny_unknown_fields)]
     struct ConfigsFile {
-        configs: Vec<JointConfig>,
+        configs: Vec<Vec<f32>>,
     }
     files::read_json(path).map(|ConfigsFile { configs }| configs)
 }
@@ -114,19 +114,26 @@ pub fn read_poses(path: &Path) -> Result<Vec<PoseQuery>> {
 struct PoseEntry {
     position: [f64; 3],
     rotation_xyzw: [f64; 4],
-    seed_config: Option<JointConfig>,
+    seed_config: Option<Vec<f32>>,
 }
 
 impl PoseEntry {
     fn checked(self, path: &Path, idx: usize) -> Result<PoseQuery> {
-        let rotation = DQuat::from_array(self.rotation_xyzw);
-        let norm = rotation.length();
-        if (norm - 1.0).abs() > NORM_TOLERANCE {
-            let reason = format!("poses[{idx}].rotation_xyzw: has norm {norm}, expected a unit quaternion");
-            return Err(FileError::content(path, reason));
-        }
-        let world_from_flange = DPose3::from_parts(DVec3::from_array(self.position), rotation.normalize());
+        let rotation = unit_quaternion(self.rotation_xyzw)
+            .map_err(|reason| FileError::content(path, format!("poses[{idx}].rotation_xyzw: {reason}")))?;
+        let world_from_flange = DPose3::from_parts(DVec3::from_array(self.position), rotation);
         Ok(PoseQuery { world_from_flange, seed_config: self.seed_config })
+    }
+}
+
+/// The rotation of a quaternion in a file, or what is wrong with it.
+pub(crate) fn unit_quaternion(xyzw: [f64; 4]) -> core::result::Result<DQuat, String> {
+    let rotation = DQuat::from_array(xyzw);
+    let norm = rotation.length();
+    if (norm - 1.0).abs() <= NORM_TOLERANCE {
+        Ok(rotation.normalize())
+    } else {
+        Err(format!("has norm {norm}, expected a unit quaternion"))
     }
 }
 

@@ -14,6 +14,7 @@ pub mod images;
 pub mod jobs;
 pub mod metrics;
 pub mod moments;
+pub mod problems;
 pub mod run_directory;
 pub mod run_options;
 pub mod scene_file;

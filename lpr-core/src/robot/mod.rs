@@ -11,6 +11,7 @@ mod ik;
 mod kinematics;
 mod mesh;
 mod panda;
+mod recognise;
 mod srdf;
 mod urdf;
 mod xarm7;
@@ -137,7 +138,7 @@ pub const N_LINKS: usize = DOF + 2;
 pub const HAND: usize = DOF + 1;
 
 /// A serial arm with seven revolute joints, a spherical shoulder and a gripper.
-#[derive(Debug, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Robot {
     /// Name on the command line.
     pub name: &'static str,

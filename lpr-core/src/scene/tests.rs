@@ -55,7 +55,7 @@ fn gantry(radius: f32) -> ArmSpheres {
         max_velocity: 1.0,
     };
     let spheres = vec![Sphere { center: Vec3::ZERO, radius }];
-    let ball = ChainLink { name: "ball".to_owned(), body: 3, body_from_link: DPose3::IDENTITY, spheres };
+    let ball = ChainLink { name: "ball".to_owned(), body: 3, body_from_link: DPose3::IDENTITY, spheres, overshoot: 0.0 };
     ArmSpheres::from_chain(&Chain {
         name: "gantry".to_owned(),
         joints: axes.map(slide).to_vec(),

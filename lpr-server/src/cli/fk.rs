@@ -1,6 +1,7 @@
-//! `lpr fk`: forward kinematics of the flange.
+//! `lpr fk`: forward kinematics of the flange, of a described arm of its tip.
 
-use super::{Result, RobotArgument};
+use super::Result;
+use super::arm::ArmArguments;
 use crate::formats::{self, PoseJson};
 use core::fmt;
 use serde::Serialize;
@@ -9,8 +10,8 @@ use std::path::PathBuf;
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
     #[command(flatten)]
-    robot: RobotArgument,
-    /// Configurations: {"configs": [[q1, …, q7], …]} in radians
+    arm: ArmArguments,
+    /// Configurations: {"configs": [[q1, …], …]} in radians, one number for each joint
     #[arg(long, value_name = "FILE")]
     configs: PathBuf,
 }
@@ -22,9 +23,13 @@ pub(super) struct Report {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Report> {
-    let robot = arguments.robot.robot;
+    let arm = arguments.arm.load()?;
     let configs = formats::read_configs(&arguments.configs)?;
-    Ok(Report { poses: configs.iter().map(|config| robot.flange(config).into()).collect() })
+    let pose = |(idx, config): (usize, &Vec<f32>)| {
+        let config = arm.config(config, &arguments.configs, &format!("configs[{idx}]"))?;
+        Ok(arm.chain.tip_f64(&config).into())
+    };
+    Ok(Report { poses: configs.iter().enumerate().map(pose).collect::<Result<_>>()? })
 }
 
 impl fmt::Display for Report {

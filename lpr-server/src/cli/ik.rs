@@ -1,11 +1,12 @@
-//! `lpr ik`: inverse kinematics of the flange.
+//! `lpr ik`: inverse kinematics of the flange, of a described arm of its tip.
 
-use super::{Result, RobotArgument};
+use super::Result;
+use super::arm::{Arm, ArmArguments};
 use crate::formats::{self, PoseQuery};
 use core::fmt;
 use lpr_core::glamx::Pose3;
 use lpr_core::rng::{self, Stream};
-use lpr_core::robot::{JointConfig, Robot};
+use lpr_core::robot::JointConfig;
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
@@ -14,12 +15,12 @@ use std::time::Instant;
 const MIN_DISTANCE: f32 = 0.1;
 
 const POSES_HELP: &str =
-    r#"Poses: {"poses": [{"position": [x, y, z], "rotation_xyzw": [x, y, z, w], "seed_config": [q1, …, q7] (optional)}, …]}"#;
+    r#"Poses: {"poses": [{"position": [x, y, z], "rotation_xyzw": [x, y, z, w], "seed_config": [q1, …] (optional)}, …]}"#;
 
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
     #[command(flatten)]
-    robot: RobotArgument,
+    arm: ArmArguments,
     #[arg(long, value_name = "FILE", help = POSES_HELP)]
     poses: PathBuf,
     /// Distinct solutions wanted of each pose; a single one is the nearest to its seed configuration, else to the robot's start
@@ -37,7 +38,7 @@ pub(super) struct Report {
 
 #[derive(Debug, Serialize)]
 struct PoseResult {
-    solutions: Vec<JointConfig>,
+    solutions: Vec<Vec<f32>>,
     /// Time of the search, microseconds.
     micros: f64,
     /// Why there are fewer solutions than wanted.
@@ -45,30 +46,34 @@ struct PoseResult {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Report> {
+    let arm = arguments.arm.load()?;
     let queries = formats::read_poses(&arguments.poses)?;
     let solve = |(idx, query): (usize, &PoseQuery)| {
+        let near = match &query.seed_config {
+            Some(seed) => arm.config(seed, &arguments.poses, &format!("poses[{idx}].seed_config"))?,
+            None => arm.start,
+        };
         let start = Instant::now();
-        let solutions = solutions(arguments, query, idx as u64);
+        let solutions = solutions(arguments, &arm, &Pose3::from(query.world_from_flange), &near, idx as u64);
         let micros = start.elapsed().as_secs_f64() * 1e6;
         let reason = match solutions.len() {
             0 => Some("unreachable"),
             n if n < arguments.solutions.into() => Some("too_few_distinct"),
             _ => None,
         };
-        PoseResult { solutions, micros, reason }
+        Ok(PoseResult { solutions: solutions.iter().map(|config| arm.joints(config)).collect(), micros, reason })
     };
-    Ok(Report { results: queries.iter().enumerate().map(solve).collect() })
+    Ok(Report { results: queries.iter().enumerate().map(solve).collect::<Result<_>>()? })
 }
 
-fn solutions(arguments: &Arguments, query: &PoseQuery, query_idx: u64) -> Vec<JointConfig> {
-    let robot: &Robot = arguments.robot.robot;
-    let near = query.seed_config.unwrap_or(robot.start);
-    let world_from_grip = Pose3::from(query.world_from_flange * robot.flange_from_grip);
-    if arguments.solutions == 1 {
-        return robot.ik_nearest(&world_from_grip, &near).into_iter().collect();
+fn solutions(arguments: &Arguments, arm: &Arm, world_from_tip: &Pose3, near: &JointConfig, query_idx: u64) -> Vec<JointConfig> {
+    let n = arguments.solutions.into();
+    let rng = &mut rng::stream(arguments.seed, Stream::Ik, query_idx);
+    match &arm.closed_form {
+        Some(robot) if n == 1 => robot.ik_nearest(world_from_tip, near).into_iter().collect(),
+        Some(robot) => robot.ik_distinct(world_from_tip, n, MIN_DISTANCE, near, rng),
+        None => arm.chain.ik(world_from_tip, near, n, MIN_DISTANCE, rng),
     }
-    let mut rng = rng::stream(arguments.seed, Stream::Ik, query_idx);
-    robot.ik_distinct(&world_from_grip, arguments.solutions.into(), MIN_DISTANCE, &near, &mut rng)
 }
 
 impl fmt::Display for Report {

@@ -3,6 +3,7 @@
 //! A command returns a report, which is printed as one JSON object (`--json`) or as a short table. Exit status 0: done,
 //! 1: failed, 2: wrong usage. A failure is one line on standard error that names the value at fault.
 
+mod arm;
 mod bench;
 mod demo;
 mod eval;
@@ -11,6 +12,7 @@ mod gallery;
 mod ik;
 mod paths;
 mod placements;
+mod plan;
 mod render;
 mod replay;
 mod robots;
@@ -83,6 +85,8 @@ enum Command {
     Fk(fk::Arguments),
     /// Inverse kinematics of the flange
     Ik(ik::Arguments),
+    /// Plan the motions of a file of problems, and measure the time
+    Plan(plan::Arguments),
     /// Train an agent on a task
     Train(Box<train::Arguments>),
     /// Evaluate a trained agent, or a method with the demonstrator's poses
@@ -110,6 +114,7 @@ impl Command {
             Self::Replay(arguments) => print(&replay::run(arguments)?, format),
             Self::Fk(arguments) => print(&fk::run(arguments)?, format),
             Self::Ik(arguments) => print(&ik::run(arguments)?, format),
+            Self::Plan(arguments) => print(&plan::run(arguments)?, format),
             Self::Train(arguments) => print(&train::run(arguments)?, format),
             Self::Eval(arguments) => print(&eval::run(arguments)?, format),
             Self::Bench(arguments) => print(&bench::run(arguments)?, format),

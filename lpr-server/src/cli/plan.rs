@@ -1,0 +1,275 @@
+//! `lpr plan`: motion planning on a file of problems, with the time that each takes.
+
+use super::Result;
+use super::arm::{Arm, ArmArguments};
+use crate::problems::{self, Problem};
+use core::fmt;
+use lpr_core::path::{JointPath, Plan, Rejection, RrtSettings, rrt_connect, simplify};
+use lpr_core::rng::{self, Stream};
+use lpr_core::robot::JointConfig;
+use lpr_core::scene::{ArmSpheres, MotionChecker, Scene};
+use serde::Serialize;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Samples before a planner gives up: minutes.
+const MAX_ITERATIONS: u32 = 10_000_000;
+
+const PROBLEMS_HELP: &str = r#"Problems: {"robot": NAME, "problems": [{"name", "start": [q1, …], "goals": [[q1, …], …]}, …]}; each may have "spheres", "cuboids", "capsules", "cylinders", "points" and "point_radius""#;
+
+#[derive(Debug, clap::Args)]
+pub(super) struct Arguments {
+    #[command(flatten)]
+    arm: ArmArguments,
+    #[arg(long, value_name = "FILE", help = PROBLEMS_HELP)]
+    problems: PathBuf,
+    /// Planners, separated by commas
+    #[arg(long, value_name = "NAMES", value_enum, value_delimiter = ',', default_value = "rrt-connect")]
+    planner: Vec<Planner>,
+    /// Longest edge of a tree, radians
+    #[arg(long, value_name = "RADIANS", default_value_t = 1.0, value_parser = positive)]
+    range: f32,
+    /// Configurations looked at for each radian of a motion
+    #[arg(long, value_name = "N", default_value_t = 32.0, value_parser = positive)]
+    checks_per_radian: f32,
+    /// Seed of the samples
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Times every problem is planned; the least time counts
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    repeats: u32,
+    /// Shorten and smooth every path
+    #[arg(long)]
+    simplify: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+enum Planner {
+    RrtConnect,
+}
+
+fn positive(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
+        _ => Err("expected a number above 0".to_owned()),
+    }
+}
+
+#[derive(Debug, Serialize)]
+pub(super) struct Report {
+    results: Vec<ProblemResult>,
+    summary: Summary,
+}
+
+/// How one planner did on one problem. Times are the least of the repeats.
+#[derive(Debug, Serialize)]
+struct ProblemResult {
+    name: String,
+    planner: Planner,
+    seed: u64,
+    solved: bool,
+    planning_micros: f64,
+    /// Null without `--simplify` and without a path.
+    simplify_micros: Option<f64>,
+    /// To prepare the obstacles.
+    world_micros: f64,
+    iterations: Option<u32>,
+    checks: u64,
+    /// Length of the path in joint space, radians.
+    cost: Option<f32>,
+    path: Option<Vec<Vec<f32>>>,
+    reason: Option<&'static str>,
+}
+
+/// Of the problems solved; times are null when there are none.
+#[derive(Debug, Serialize)]
+struct Summary {
+    problems: usize,
+    solved: usize,
+    /// Problems whose start or goals are not free: no planner can solve them.
+    invalid: usize,
+    median_micros: Option<f64>,
+    p95_micros: Option<f64>,
+    p99_micros: Option<f64>,
+    max_micros: Option<f64>,
+    /// Planning and simplification together; as the above without `--simplify`.
+    median_total_micros: Option<f64>,
+    p95_total_micros: Option<f64>,
+    median_cost: Option<f64>,
+    checks_per_second: Option<f64>,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<Report> {
+    let arm = arguments.arm.load()?;
+    let spheres = ArmSpheres::from_chain(&arm.chain);
+    let file = problems::read_problems(&arguments.problems)?;
+    let mut results = Vec::new();
+    for (idx, problem) in file.problems.iter().enumerate() {
+        let query = Query::read(arguments, &arm, problem, idx)?;
+        for planner in &arguments.planner {
+            results.push(query.solve(arguments, &arm, &spheres, *planner, idx as u64));
+        }
+    }
+    let summary = Summary::of(&results);
+    Ok(Report { results, summary })
+}
+
+/// A problem, checked.
+struct Query {
+    name: String,
+    start: JointConfig,
+    goals: Vec<JointConfig>,
+    scene: Scene,
+    world_micros: f64,
+}
+
+impl Query {
+    fn read(arguments: &Arguments, arm: &Arm, problem: &Problem, idx: usize) -> Result<Self> {
+        let path = &arguments.problems;
+        let start = arm.config(&problem.start, path, &format!("problems[{idx}].start"))?;
+        let goals = problem.goals.iter().enumerate();
+        let goals = goals.map(|(i, goal)| arm.config(goal, path, &format!("problems[{idx}].goals[{i}]")));
+        let goals = goals.collect::<Result<Vec<JointConfig>>>()?;
+        let (scene, world_micros) = least_micros(arguments.repeats, || problem.scene(path, idx));
+        Ok(Self { name: problem.name.clone(), start, goals, scene: scene?, world_micros })
+    }
+
+    fn solve(&self, arguments: &Arguments, arm: &Arm, spheres: &ArmSpheres, planner: Planner, idx: u64) -> ProblemResult {
+        let ((plan, checks), planning_micros) = least_micros(arguments.repeats, || {
+            let checker = MotionChecker::new(&self.scene, spheres, arguments.checks_per_radian);
+            (self.plan(arguments, &checker, arm, planner, idx), checker.n_checks())
+        });
+        let mut result = ProblemResult {
+            name: self.name.clone(),
+            planner,
+            seed: arguments.seed,
+            solved: plan.is_ok(),
+            planning_micros,
+            simplify_micros: None,
+            world_micros: self.world_micros,
+            iterations: plan.as_ref().ok().map(|plan| plan.iterations),
+            checks,
+            cost: None,
+            path: None,
+            reason: plan.as_ref().err().map(|reason| reason.name()),
+        };
+        if let Ok(Plan { path, .. }) = plan {
+            let path = if arguments.simplify { self.simplified(arguments, spheres, &path, &mut result) } else { path };
+            result.cost = Some(path.length());
+            result.path = Some(path.configs().iter().map(|config| arm.joints(config)).collect());
+        }
+        result
+    }
+
+    fn plan(
+        &self,
+        arguments: &Arguments,
+        checker: &MotionChecker<'_>,
+        arm: &Arm,
+        planner: Planner,
+        idx: u64,
+    ) -> Result<Plan, Rejection> {
+        let goals: Vec<JointConfig> = self.goals.iter().copied().filter(|goal| arm.chain.within_limits(goal)).collect();
+        if !arm.chain.within_limits(&self.start) || goals.is_empty() && !self.goals.is_empty() {
+            return Err(Rejection::OutsideLimits);
+        }
+        let rng = &mut rng::stream(arguments.seed, Stream::Planner, idx);
+        let Arguments { range, checks_per_radian, .. } = *arguments;
+        match planner {
+            Planner::RrtConnect => {
+                let settings = RrtSettings { range, checks_per_radian, max_iterations: MAX_ITERATIONS };
+                rrt_connect(checker, &self.start, &goals, &settings, rng)
+            }
+        }
+    }
+
+    fn simplified(&self, arguments: &Arguments, spheres: &ArmSpheres, path: &JointPath, result: &mut ProblemResult) -> JointPath {
+        let ((path, checks), micros) = least_micros(arguments.repeats, || {
+            let checker = MotionChecker::new(&self.scene, spheres, arguments.checks_per_radian);
+            (simplify(path, &checker), checker.n_checks())
+        });
+        result.simplify_micros = Some(micros);
+        result.checks += checks;
+        path
+    }
+}
+
+/// What `run` gives, and the least time it took, microseconds.
+fn least_micros<T>(repeats: u32, mut run: impl FnMut() -> T) -> (T, f64) {
+    let mut timed = || {
+        let start = Instant::now();
+        let value = run();
+        (value, start.elapsed().as_secs_f64() * 1e6)
+    };
+    let (mut value, mut least) = timed();
+    for _ in 1..repeats {
+        let (again, micros) = timed();
+        (value, least) = (again, least.min(micros));
+    }
+    (value, least)
+}
+
+impl Summary {
+    fn of(results: &[ProblemResult]) -> Self {
+        let solved: Vec<&ProblemResult> = results.iter().filter(|result| result.solved).collect();
+        let invalid = [Rejection::StartCollides, Rejection::GoalCollides, Rejection::OutsideLimits].map(|reason| reason.name());
+        let planning = sorted(solved.iter().map(|result| result.planning_micros));
+        let totals = sorted(solved.iter().map(|result| total_micros(result)));
+        let costs = sorted(solved.iter().filter_map(|result| result.cost).map(f64::from));
+        let seconds = totals.iter().sum::<f64>() * 1e-6;
+        let checks: u64 = solved.iter().map(|result| result.checks).sum();
+        Self {
+            problems: results.len(),
+            solved: solved.len(),
+            invalid: results.iter().filter(|result| result.reason.is_some_and(|reason| invalid.contains(&reason))).count(),
+            median_micros: percentile(&planning, 50),
+            p95_micros: percentile(&planning, 95),
+            p99_micros: percentile(&planning, 99),
+            max_micros: planning.last().copied(),
+            median_total_micros: percentile(&totals, 50),
+            p95_total_micros: percentile(&totals, 95),
+            median_cost: percentile(&costs, 50),
+            checks_per_second: (seconds > 0.0).then(|| checks as f64 / seconds),
+        }
+    }
+}
+
+fn total_micros(result: &ProblemResult) -> f64 {
+    result.planning_micros + result.simplify_micros.unwrap_or(0.0)
+}
+
+fn sorted(values: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values
+}
+
+/// The least of the sorted values that is not exceeded by `percent` of them.
+fn percentile(sorted: &[f64], percent: usize) -> Option<f64> {
+    let rank = (sorted.len() * percent).div_ceil(100).max(1);
+    sorted.get(rank - 1).copied()
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{:<28}{:>10}{:>10}{:>8}{:>7}  rad", "problem", "µs", "simplify", "checks", "cost")?;
+        for result in &self.results {
+            let simplify = result.simplify_micros.map_or_else(String::new, |micros| format!("{micros:.0}"));
+            let cost = result.cost.map_or_else(String::new, |cost| format!("{cost:.2}"));
+            let ProblemResult { name, planning_micros, checks, reason, .. } = result;
+            let reason = reason.unwrap_or_default();
+            writeln!(f, "{name:<28}{planning_micros:>10.0}{simplify:>10}{checks:>8}{cost:>7}  {reason}")?;
+        }
+        let Summary { problems, solved, invalid, .. } = self.summary;
+        write!(f, "{solved} of {problems} solved, {invalid} invalid")?;
+        let Summary { median_micros: Some(median), p95_micros: Some(p95), max_micros: Some(max), .. } = self.summary else {
+            return writeln!(f);
+        };
+        writeln!(f, "; {median:.0} µs median, {p95:.0} µs for 95 %, {max:.0} µs at most")?;
+        if let Summary { median_total_micros: Some(total), median_cost: Some(cost), .. } = self.summary {
+            writeln!(f, "with simplification {total:.0} µs median; cost {cost:.2} rad median")?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,170 @@
+//! Files of motion planning problems.
+
+use crate::files::{self, FileError, Result};
+use crate::formats::unit_quaternion;
+use lpr_core::glamx::{Pose3, Quat, Vec3};
+use lpr_core::scene::{Primitive, Scene};
+use serde::Deserialize;
+use std::path::Path;
+
+/// Radius of the ball around a point of a cloud when the file names none, metres.
+const POINT_RADIUS: f32 = 0.01;
+
+/// A file of problems for one arm. Lengths in metres, joints in radians, the arm's base at the origin.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProblemFile {
+    /// Name of the arm that the problems are for.
+    pub robot: String,
+    /// The problems.
+    pub problems: Vec<Problem>,
+}
+
+/// A start, goals of which any will do, and what must not be hit.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Problem {
+    /// What results are listed by.
+    pub name: String,
+    /// Where the arm is: one number for each joint, unchecked.
+    pub start: Vec<f32>,
+    /// Where it may go, likewise.
+    pub goals: Vec<Vec<f32>>,
+    #[serde(default)]
+    spheres: Vec<SphereJson>,
+    #[serde(default)]
+    cuboids: Vec<CuboidJson>,
+    #[serde(default)]
+    capsules: Vec<CapsuleJson>,
+    #[serde(default)]
+    cylinders: Vec<CylinderJson>,
+    #[serde(default)]
+    points: Vec<[f32; 3]>,
+    point_radius: Option<f32>,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SphereJson {
+    center: [f32; 3],
+    radius: f32,
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CuboidJson {
+    center: [f32; 3],
+    rotation_xyzw: [f64; 4],
+    half_extents: [f32; 3],
+}
+
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CapsuleJson {
+    a: [f32; 3],
+    b: [f32; 3],
+    radius: f32,
+}
+
+/// Along its own z.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CylinderJson {
+    center: [f32; 3],
+    rotation_xyzw: [f64; 4],
+    radius: f32,
+    half_length: f32,
+}
+
+/// Reads a file of problems.
+///
+/// # Errors
+///
+/// When the file is missing or malformed, naming the field at fault.
+pub fn read_problems(path: &Path) -> Result<ProblemFile> {
+    files::read_json(path)
+}
+
+impl Problem {
+    /// The obstacles of problem `idx` of the file at `path`.
+    ///
+    /// # Errors
+    ///
+    /// Naming a number that is not finite, a size below 0, or a quaternion that is none.
+    pub fn scene(&self, path: &Path, idx: usize) -> Result<Scene> {
+        let at_fault = |list: &str, i: usize| {
+            let field = format!("problems[{idx}].{list}[{i}]");
+            move |reason: String| FileError::content(path, format!("{field}.{reason}"))
+        };
+        let mut primitives = Vec::new();
+        for (i, sphere) in self.spheres.iter().enumerate() {
+            primitives.push(sphere.primitive().map_err(at_fault("spheres", i))?);
+        }
+        for (i, cuboid) in self.cuboids.iter().enumerate() {
+            primitives.push(cuboid.primitive().map_err(at_fault("cuboids", i))?);
+        }
+        for (i, capsule) in self.capsules.iter().enumerate() {
+            primitives.push(capsule.primitive().map_err(at_fault("capsules", i))?);
+        }
+        for (i, cylinder) in self.cylinders.iter().enumerate() {
+            primitives.push(cylinder.primitive().map_err(at_fault("cylinders", i))?);
+        }
+        let scene = Scene::from_primitives(primitives);
+        if self.points.is_empty() {
+            return Ok(scene);
+        }
+        let point_radius = self.point_radius.unwrap_or(POINT_RADIUS);
+        size("point_radius", point_radius).map_err(|reason| FileError::content(path, format!("problems[{idx}].{reason}")))?;
+        let points = self.points.iter().enumerate().map(|(i, point)| {
+            place("", *point).map_err(|_| FileError::content(path, format!("problems[{idx}].points[{i}]: is not finite")))
+        });
+        Ok(scene.with_points(&points.collect::<Result<Vec<Vec3>>>()?, point_radius))
+    }
+}
+
+/// A value or what is wrong with which field.
+type Checked<T> = core::result::Result<T, String>;
+
+impl SphereJson {
+    fn primitive(&self) -> Checked<Primitive> {
+        Ok(Primitive::Sphere { center: place("center", self.center)?, radius: size("radius", self.radius)? })
+    }
+}
+
+impl CuboidJson {
+    fn primitive(&self) -> Checked<Primitive> {
+        let world_from_box = pose(self.center, self.rotation_xyzw)?;
+        self.half_extents.iter().try_for_each(|half| size("half_extents", *half).map(drop))?;
+        Ok(Primitive::Cuboid { world_from_box, half_extents: Vec3::from_array(self.half_extents) })
+    }
+}
+
+impl CapsuleJson {
+    fn primitive(&self) -> Checked<Primitive> {
+        Ok(Primitive::Capsule { a: place("a", self.a)?, b: place("b", self.b)?, radius: size("radius", self.radius)? })
+    }
+}
+
+impl CylinderJson {
+    fn primitive(&self) -> Checked<Primitive> {
+        Ok(Primitive::Cylinder {
+            world_from_cylinder: pose(self.center, self.rotation_xyzw)?,
+            radius: size("radius", self.radius)?,
+            half_length: size("half_length", self.half_length)?,
+        })
+    }
+}
+
+fn pose(center: [f32; 3], rotation_xyzw: [f64; 4]) -> Checked<Pose3> {
+    let rotation = unit_quaternion(rotation_xyzw).map_err(|reason| format!("rotation_xyzw: {reason}"))?;
+    Ok(Pose3::from_parts(place("center", center)?, Quat::from_array(rotation.to_array().map(|part| part as f32))))
+}
+
+fn place(field: &str, position: [f32; 3]) -> Checked<Vec3> {
+    let position = Vec3::from_array(position);
+    if position.is_finite() { Ok(position) } else { Err(format!("{field}: is not finite")) }
+}
+
+fn size(field: &str, length: f32) -> Checked<f32> {
+    if length.is_finite() && length >= 0.0 { Ok(length) } else { Err(format!("{field}: is {length}, expected at least 0")) }
+}
