@@ -22,10 +22,12 @@ use rand::RngExt as _;
 const SCAN_SPACING: f64 = 0.05;
 /// Bisections around the best sample of `q7`: 0.05 rad down to 1e-6 rad.
 const REFINEMENTS: usize = 16;
-/// Samples of `q7` for distinct solutions.
-const DISTINCT_SAMPLES: u32 = 64;
+/// Samples of `q7` for distinct solutions; a power of two.
+const DISTINCT_SAMPLES: usize = 64;
 /// Samples of `q7` when [`DISTINCT_SAMPLES`] found nothing: intervals of a few hundredths of a radian are found.
-const RARE_SAMPLES: u32 = 512;
+const RARE_SAMPLES: usize = 512;
+/// Samples of `q7`, near others with solutions, when those found too few.
+const FINEST_SAMPLES: usize = 4096;
 
 impl Robot {
     /// All solutions with that last joint angle: at most eight.
@@ -69,6 +71,8 @@ impl Robot {
 
     /// Up to `n` solutions, of which any two differ by more than `min_distance` radians (modulo 2π) in some joint, spread over
     /// the redundancy; of each the winding nearest `near`.
+    ///
+    /// Where few are found, `q7` is sampled ever more finely around those that have solutions.
     #[must_use]
     pub fn ik_distinct(
         &self,
@@ -78,20 +82,22 @@ impl Robot {
         near: &JointConfig,
         rng: &mut Rng,
     ) -> Vec<JointConfig> {
-        let target = Target::new(self, world_from_grip);
         let near = widened(near);
         let offset = rng.random::<f64>();
+        let target = Target::new(self, world_from_grip);
+        let solve = |fraction: f64| target.solve(self.q7_sample(offset + fraction), &near);
         let mut distinct = Distinct { solutions: Vec::with_capacity(n), n, min_distance };
+        let mut has_solutions = vec![false; DISTINCT_SAMPLES];
         let mut others = Vec::new();
-        for sample in 0..RARE_SAMPLES {
-            let is_enough = sample >= DISTINCT_SAMPLES && !distinct.solutions.is_empty();
-            if distinct.solutions.len() >= n || is_enough {
-                break;
+        for sample in (0..DISTINCT_SAMPLES).map(scattered) {
+            if distinct.is_full() {
+                return distinct.solutions;
             }
-            let branches = target.solve(self.q7_sample(offset + radical_inverse(sample)), &near);
+            let branches = solve(sample as f64 / DISTINCT_SAMPLES as f64);
             if branches.is_empty() {
                 continue;
             }
+            has_solutions[sample] = true;
             // One branch of each q7 first, so that few solutions already cover many q7.
             let chosen = rng.random_range(0..branches.len());
             for (i, config) in branches.iter().enumerate() {
@@ -99,6 +105,13 @@ impl Robot {
             }
         }
         others.into_iter().for_each(|config| distinct.offer(config));
+        while !distinct.is_full() && may_be_refined(&has_solutions) {
+            has_solutions = refined(&has_solutions, |fraction| {
+                let branches = solve(fraction);
+                branches.iter().for_each(|config| distinct.offer(config));
+                !branches.is_empty()
+            });
+        }
         distinct.solutions
     }
 
@@ -136,26 +149,48 @@ struct Distinct {
 }
 
 impl Distinct {
+    const fn is_full(&self) -> bool {
+        self.solutions.len() >= self.n
+    }
+
     fn offer(&mut self, config: JointConfig) {
-        let is_new = self.solutions.iter().all(|other| differ(&config, other) > self.min_distance);
-        if is_new && self.solutions.len() < self.n {
+        if !self.is_full() && self.solutions.iter().all(|other| differ(&config, other, self.min_distance)) {
             self.solutions.push(config);
         }
     }
 }
 
-/// Largest difference of one joint modulo 2π, radians.
-fn differ(a: &JointConfig, b: &JointConfig) -> f32 {
+/// Whether some joint differs by more than `min_distance` radians modulo 2π.
+fn differ(a: &JointConfig, b: &JointConfig, min_distance: f32) -> bool {
     const TURN: f32 = core::f32::consts::TAU;
-    a.iter().zip(b.iter()).fold(0.0, |most, (a, b)| {
-        let difference = (a - b).abs() % TURN;
-        difference.min(TURN - difference).max(most)
+    a.iter().zip(b.iter()).any(|(a, b)| {
+        let difference = a - b;
+        (difference - TURN * libm::rintf(difference / TURN)).abs() > min_distance
     })
 }
 
-/// Base-2 radical inverse: 0, 1/2, 1/4, 3/4, 1/8 …
-fn radical_inverse(i: u32) -> f64 {
-    f64::from(i.reverse_bits()) / (f64::from(u32::MAX) + 1.0)
+/// The samples in an order in which the first few already cover the range: the halves, the quarters and so on.
+const fn scattered(i: usize) -> usize {
+    i.reverse_bits() >> (usize::BITS - DISTINCT_SAMPLES.ilog2())
+}
+
+/// Whether a finer grid is worth it: one without any solution is given up earlier.
+fn may_be_refined(has_solutions: &[bool]) -> bool {
+    has_solutions.len() < if has_solutions.contains(&true) { FINEST_SAMPLES } else { RARE_SAMPLES }
+}
+
+/// The grid of twice as many samples: those in the middle between two of which one has solutions are asked for, or all of them
+/// as long as none has.
+fn refined(has_solutions: &[bool], mut solve: impl FnMut(f64) -> bool) -> Vec<bool> {
+    let n = has_solutions.len();
+    let is_promising = |sample: usize| has_solutions[sample] || has_solutions[(sample + 1) % n];
+    let is_blind = !has_solutions.contains(&true);
+    let mut finer = Vec::with_capacity(2 * n);
+    for sample in 0..n {
+        let middle = (is_blind || is_promising(sample)) && solve((sample as f64 + 0.5) / n as f64);
+        finer.extend([has_solutions[sample], middle]);
+    }
+    finer
 }
 
 #[cfg(test)]

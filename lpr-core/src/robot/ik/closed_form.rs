@@ -194,14 +194,14 @@ fn wrist_roots(shoulder_in_6: DVec3, height: f64, near: f64) -> Roots {
 fn swing(shoulder_in_6: DVec3, (sin6, cos6): SinCos, lever: f64, near: f64) -> SinCos {
     let side = if lever < 0.0 { -1.0 } else { 1.0 };
     let (along, across) = (side * (cos6 * shoulder_in_6.x - sin6 * shoulder_in_6.y), side * shoulder_in_6.z);
-    let length = libm::hypot(along, across);
+    let length = libm::sqrt(along * along + across * across);
     if length < SINGULAR { libm::sincos(near) } else { (across / length, along / length) }
 }
 
 /// `(q1, q2)` of the two ways to write a rotation as `Rz(q1) Ry(q2) Rz(q3)`.
 fn shoulder_roots(rotation: DMat3, near: f64) -> impl Iterator<Item = (f64, f64)> {
     let axis = rotation.z_axis;
-    let sin2 = libm::hypot(axis.x, axis.y);
+    let sin2 = libm::sqrt(axis.x * axis.x + axis.y * axis.y);
     let q2 = libm::atan2(sin2, axis.z);
     let roots = if sin2 < SINGULAR {
         // Only q1 + q3 is determined; the second value serves when the first leaves q3 outside its limits.
@@ -233,10 +233,9 @@ fn fit(joint: &Joint, (sin, cos): SinCos, near: f64) -> Option<f64> {
 
 /// The winding of `angle` within the limits that is nearest `near`.
 fn wind(joint: &Joint, angle: f64, near: f64) -> Option<f64> {
-    [-2.0, -1.0, 0.0, 1.0, 2.0]
-        .into_iter()
-        .filter_map(|turns| within(joint, angle + turns * TAU))
-        .min_by(|a, b| (a - near).abs().total_cmp(&(b - near).abs()))
+    let nearest = angle + TAU * libm::rint((near - angle) / TAU);
+    let outwards = if nearest < near { TAU } else { -TAU };
+    [0.0, outwards, -outwards, 2.0 * outwards, -2.0 * outwards].into_iter().find_map(|turn| within(joint, nearest + turn))
 }
 
 /// `angle`, moved onto a limit that it exceeds by no more than rounding; nothing further outside or when not a number.

@@ -78,7 +78,7 @@ proptest! {
             prop_assert!(found.len() <= 20);
             for (i, config) in found.iter().enumerate() {
                 assert_solves(robot, config, &pose);
-                prop_assert!(found[..i].iter().all(|other| differ(config, other) > 0.2));
+                prop_assert!(found[..i].iter().all(|other| differ(config, other, 0.2)));
             }
         }
     }

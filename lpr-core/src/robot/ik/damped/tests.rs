@@ -114,7 +114,7 @@ proptest! {
             prop_assert!(found.len() <= 8);
             for (i, config) in found.iter().enumerate() {
                 assert_solves(&chain, config, &pose);
-                prop_assert!(found[..i].iter().all(|other| differ(config, other) > 0.2));
+                prop_assert!(found[..i].iter().all(|other| differ(config, other, 0.2)));
             }
         }
     }
