@@ -1,6 +1,8 @@
-//! Robot arms as constants: joints, limits, gripper, collision spheres and drawable parts.
+//! Robot arms: two as constants ([`Robot`]: joints, limits, gripper, collision spheres and drawable parts), any other from its
+//! description at run time ([`Chain`]: joints, limits and collision spheres).
 //!
-//! The base is the world frame, z up, table top at z = 0. Joints are modified-DH rows as in `T = Rx(alpha) Tx(a) Rz(q) Tz(d)`.
+//! The base is the world frame, z up, table top at z = 0. Joints of the constants are modified-DH rows as in
+//! `T = Rx(alpha) Tx(a) Rz(q) Tz(d)`.
 
 mod chain;
 mod fit;

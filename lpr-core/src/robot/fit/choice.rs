@@ -33,8 +33,8 @@ impl Ball {
 pub(super) fn choose(grid: &Grid, tolerance: f64, n: usize) -> Option<Vec<Ball>> {
     let enlarged = |ball: Ball| Ball { radius: ball.depth + tolerance, ..ball };
     let candidates: Vec<Ball> = grid.balls().map(enlarged).collect();
-    let spots = from_outside(grid);
-    let mut uncovered = spots.clone();
+    let spots = grid.spots();
+    let mut uncovered = spots.to_vec();
     let mut chosen = Vec::new();
     while let Some(spot) = uncovered.first() {
         // As many again: some become superfluous.
@@ -47,19 +47,9 @@ pub(super) fn choose(grid: &Grid, tolerance: f64, n: usize) -> Option<Vec<Ball>>
         chosen.push(best);
         uncovered.retain(|spot| !best.covers(spot));
     }
-    drop_superfluous(&mut chosen, &spots);
-    tighten(&mut chosen, &spots);
+    drop_superfluous(&mut chosen, spots);
+    tighten(&mut chosen, spots);
     (chosen.len() <= n).then_some(chosen)
-}
-
-/// The spots, the furthest from the middle first.
-fn from_outside(grid: &Grid) -> Vec<Spot> {
-    let mut spots: Vec<Spot> = grid.spots().collect();
-    let (low, high) =
-        spots.iter().fold((DVec3::MAX, DVec3::MIN), |(low, high), spot| (low.min(spot.center), high.max(spot.center)));
-    let middle = 0.5 * (low + high);
-    spots.sort_by(|a, b| b.center.distance_squared(middle).total_cmp(&a.center.distance_squared(middle)));
-    spots
 }
 
 fn n_covered(ball: &Ball, spots: &[Spot]) -> usize {

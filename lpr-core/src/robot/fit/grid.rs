@@ -33,8 +33,8 @@ pub(super) struct Grid {
     cell: f64,
     /// Distance of any point of the surface from the nearest sample, metres, at most.
     sample_reach: f64,
-    /// Centres of the fine cells through which the surface passes.
-    samples: Vec<DVec3>,
+    /// Every sample with all points that it stands for, and every enclosed cell.
+    spots: Vec<Spot>,
     /// Centres of enclosed cells, each with the radius of a ball around it that the surface does not enter.
     enclosed: Vec<Ball>,
     /// One sample of each cell through which the surface passes.
@@ -63,23 +63,16 @@ impl Grid {
         let fine = axes.fine_cells_of(triangles)?;
         let samples: Vec<DVec3> = fine.iter().map(|&(_, idx)| axes.fine_center(idx)).collect();
         let sample_reach = axes.cell * (SAMPLE_REACH * SPACING + HALF_DIAGONAL / FINE as f64) + gap;
-        // Runs of one cell: the fine cells are sorted by theirs.
-        let runs = runs(&fine);
-        let inside = axes.enclosed(runs.iter().map(|(cell, _)| *cell));
-        let ball = |cell: usize| {
-            let center = axes.center(cell);
-            let depth = (axes.nearest(center, &runs, &samples) - sample_reach).max(0.0);
+        let cells = surface_cells(&axes, &fine, &samples);
+        let ball = |idx: usize| {
+            let center = axes.center(idx);
+            let depth = (nearest(center, &cells, axes.cell) - sample_reach).max(0.0);
             Ball { center, depth, radius: 0.0 }
         };
-        let sample_of = |(cell, run): &Run| nearest_to(axes.center(*cell), &samples[run.clone()]);
-        let on_surface = runs.iter().map(|run| surface_ball(axes.cell, sample_of(run)));
-        Ok(Self {
-            cell: axes.cell,
-            sample_reach,
-            enclosed: inside.into_iter().map(ball).collect(),
-            on_surface: on_surface.collect(),
-            samples,
-        })
+        let enclosed: Vec<Ball> = axes.enclosed(cells.iter().map(|it| it.idx)).into_iter().map(ball).collect();
+        let on_surface = cells.iter().map(|it| surface_ball(axes.cell, nearest_to(it.center, it.samples))).collect();
+        let spots = spots(&samples, sample_reach, &enclosed, axes.cell);
+        Ok(Self { cell: axes.cell, sample_reach, spots, enclosed, on_surface })
     }
 
     /// The ball around a sample.
@@ -94,11 +87,9 @@ impl Grid {
         1.01 * self.enclosed.iter().map(of_cell).fold(of_sample, f64::max)
     }
 
-    /// What must be covered: every sample with all points that it stands for, and every enclosed cell.
-    pub(super) fn spots(&self) -> impl Iterator<Item = Spot> + '_ {
-        let cell_radius = self.cell * HALF_DIAGONAL;
-        let samples = self.samples.iter().map(|&center| Spot { center, radius: self.sample_reach });
-        samples.chain(self.enclosed.iter().map(move |ball| Spot { center: ball.center, radius: cell_radius }))
+    /// What must be covered, the furthest from the middle first.
+    pub(super) fn spots(&self) -> &[Spot] {
+        &self.spots
     }
 
     /// Balls within the solid, and small ones on its surface.
@@ -107,25 +98,48 @@ impl Grid {
     }
 }
 
+fn spots(samples: &[DVec3], sample_reach: f64, enclosed: &[Ball], cell: f64) -> Vec<Spot> {
+    let of_samples = samples.iter().map(|&center| Spot { center, radius: sample_reach });
+    let of_cells = enclosed.iter().map(|ball| Spot { center: ball.center, radius: cell * HALF_DIAGONAL });
+    let mut spots: Vec<Spot> = of_samples.chain(of_cells).collect();
+    let (low, high) = samples.iter().fold((DVec3::MAX, DVec3::MIN), |(low, high), sample| (low.min(*sample), high.max(*sample)));
+    let from_middle = |spot: &Spot| spot.center.distance_squared(0.5 * (low + high));
+    spots.sort_by(|a, b| from_middle(b).total_cmp(&from_middle(a)));
+    spots
+}
+
 /// The centre of a fine cell may be outside by half its diagonal.
 fn surface_ball(cell: f64, sample: DVec3) -> Ball {
     Ball { center: sample, depth: -cell * HALF_DIAGONAL / FINE as f64, radius: 0.0 }
 }
 
-/// A cell of the surface, and which samples it has.
-type Run = (usize, core::ops::Range<usize>);
+/// Distance to the nearest sample, metres: only in cells that may hold it.
+fn nearest(point: DVec3, cells: &[SurfaceCell<'_>], cell: f64) -> f64 {
+    let squared = |it: &SurfaceCell<'_>| it.center.distance_squared(point);
+    let limit = libm::sqrt(cells.iter().map(squared).fold(f64::INFINITY, f64::min)) + 2.0 * HALF_DIAGONAL * cell;
+    let near = cells.iter().filter(|it| squared(it) <= limit * limit).flat_map(|it| it.samples);
+    libm::sqrt(near.map(|sample| sample.distance_squared(point)).fold(f64::INFINITY, f64::min))
+}
+
+/// A cell through which the surface passes.
+struct SurfaceCell<'a> {
+    idx: usize,
+    center: DVec3,
+    samples: &'a [DVec3],
+}
 
 /// Index of a cell and index of the fine cell in it.
 type FineCell = (usize, [usize; 3]);
 
-fn runs(fine: &[FineCell]) -> Vec<Run> {
-    let mut end = 0;
-    let run = |chunk: &[FineCell]| {
-        let start = end;
-        end += chunk.len();
-        (chunk[0].0, start..end)
+/// The cells of the surface, from the fine cells, which are sorted by theirs, and their centres.
+fn surface_cells<'a>(axes: &Axes, fine: &[FineCell], samples: &'a [DVec3]) -> Vec<SurfaceCell<'a>> {
+    let mut rest = samples;
+    let cell = |chunk: &[FineCell]| {
+        let (samples, others) = rest.split_at(chunk.len());
+        rest = others;
+        SurfaceCell { idx: chunk[0].0, center: axes.center(chunk[0].0), samples }
     };
-    fine.chunk_by(|a, b| a.0 == b.0).map(run).collect()
+    fine.chunk_by(|a, b| a.0 == b.0).map(cell).collect()
 }
 
 fn nearest_to(point: DVec3, samples: &[DVec3]) -> DVec3 {
@@ -246,14 +260,5 @@ impl Axes {
             let (before, after) = ((at > 0).then(|| idx - step), (at + 1 < n).then_some(idx + step));
             before.into_iter().chain(after)
         })
-    }
-
-    /// Distance to the nearest sample, metres: only in cells that may hold it.
-    fn nearest(&self, point: DVec3, runs: &[Run], samples: &[DVec3]) -> f64 {
-        let distances: Vec<f64> = runs.iter().map(|(cell, _)| self.center(*cell).distance(point)).collect();
-        let limit = distances.iter().copied().fold(f64::INFINITY, f64::min) + 2.0 * HALF_DIAGONAL * self.cell;
-        let near = runs.iter().zip(&distances).filter(|(_, distance)| **distance <= limit);
-        let squared = near.flat_map(|((_, run), _)| &samples[run.clone()]).map(|sample| sample.distance_squared(point));
-        libm::sqrt(squared.fold(f64::INFINITY, f64::min))
     }
 }

@@ -4,6 +4,7 @@ use crate::rng::{Rng, Stream, stream};
 use crate::robot::{PANDA, ROBOTS};
 use glamx::{Quat, Vec3};
 use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
 
 /// Origin, axis and limits of a joint; the last row is the tip.
 type Row = ([f64; 3], &'static str, f64, f64);
@@ -103,7 +104,7 @@ fn the_built_in_arms_are_solved_as_often() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 60, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 60, rng_seed: RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn solutions_solve_and_differ(draw in 0_u64..10_000) {
