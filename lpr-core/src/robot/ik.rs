@@ -105,14 +105,16 @@ impl Robot {
             }
         }
         others.into_iter().for_each(|config| distinct.offer(config));
+        let mut all: Vec<JointConfig> = Vec::new();
         while !distinct.is_full() && may_be_refined(&has_solutions) {
             has_solutions = refined(&has_solutions, |fraction| {
                 let branches = solve(fraction);
+                all.extend(branches.iter());
                 branches.iter().for_each(|config| distinct.offer(config));
                 !branches.is_empty()
             });
         }
-        distinct.solutions
+        if distinct.is_full() { distinct.solutions } else { packed(all, distinct) }
     }
 
     /// `q7` at a fraction (its integer part is ignored) of its range, at most one turn of it.
@@ -158,6 +160,14 @@ impl Distinct {
             self.solutions.push(config);
         }
     }
+}
+
+/// The solutions in order of `q7`, as close together as they may be, if they are more than the `scattered` ones.
+fn packed(mut all: Vec<JointConfig>, scattered: Distinct) -> Vec<JointConfig> {
+    all.sort_by(|a, b| a[DOF - 1].total_cmp(&b[DOF - 1]));
+    let mut packed = Distinct { solutions: Vec::new(), ..scattered };
+    all.into_iter().for_each(|config| packed.offer(config));
+    if packed.solutions.len() > scattered.solutions.len() { packed.solutions } else { scattered.solutions }
 }
 
 /// Whether some joint differs by more than `min_distance` radians modulo 2π.
