@@ -5,10 +5,14 @@ mod bezier;
 mod candidates;
 mod follow;
 mod linear;
+mod motion_limits;
+mod point_to_point;
 mod rrt_connect;
 mod shortcut;
 mod simplify;
 mod timing;
+mod topp;
+mod trajectory;
 mod tree;
 
 pub use baseline::{c2farm_path, linear_candidate};
@@ -19,10 +23,14 @@ pub use candidates::{CandidatePath, CandidateSet, CandidateSettings, CandidateSt
 #[cfg(feature = "sim")]
 pub(crate) use linear::linear_path_in;
 pub use linear::{LINEAR_STEPS, linear_path};
+pub use motion_limits::{GripSpeedLimit, MotionLimits};
+pub use point_to_point::{NoMotion, point_to_point};
 pub use rrt_connect::{FINER, Plan, RrtSettings, rrt_connect};
 pub use shortcut::shortcut;
 pub use simplify::simplify;
 pub use timing::{TimedPath, TimingSettings};
+pub use topp::{SmoothPath, time_optimal};
+pub use trajectory::{JointState, Trajectory};
 
 use crate::error::{Error, Result};
 use crate::robot::JointConfig;
