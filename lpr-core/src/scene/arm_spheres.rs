@@ -1,12 +1,13 @@
 //! The robot as spheres, compiled for collision checks.
 
 use super::primitive::length;
+use crate::error::{Error, Result};
 use crate::robot::{Chain, ChainJoint, ChainLink, DOF, JointConfig, Motion, Robot, Sphere};
 use fearless_simd::Level;
-use glamx::{DVec3, Mat3, Vec3};
+use glamx::{DVec3, Mat3, Pose3, Vec3};
 
-/// Most links with geometry.
-pub(super) const MAX_LINKS: usize = 32;
+/// Most links with spheres.
+pub const MAX_LINKS: usize = 32;
 
 /// Most spheres of a cluster.
 pub(super) const CLUSTER: usize = 4;
@@ -19,6 +20,8 @@ const QUARTER_TURN_SLACK: f64 = 1e-5;
 pub struct ArmSpheres {
     pub(crate) level: Level,
     pub(super) joints: Vec<JointFrame>,
+    /// The tip in the frame of what the last joint carries.
+    body_from_tip: Pose3,
     limits: [(f32, f32); DOF],
     /// From the tip inwards: what sticks out furthest hits first.
     pub(super) links: Vec<LinkSpheres>,
@@ -84,28 +87,67 @@ impl ArmSpheres {
     /// The spheres of `robot`.
     #[must_use]
     pub fn new(robot: &Robot) -> Self {
-        let mut arm = Self::from_chain(&Chain::from_robot(robot));
-        arm.links[0].part = ArmPart::Hand;
+        let mut arm = Self::from_chain(&Chain::from_robot(robot)).expect("a built-in arm has few links");
+        for link in arm.links.iter_mut().filter(|link| link.name == "hand") {
+            link.part = ArmPart::Hand;
+        }
         arm
     }
 
     /// The spheres of an arm that is described at run time.
-    #[must_use]
-    pub fn from_chain(chain: &Chain) -> Self {
-        let last = chain.links.len().saturating_sub(1);
-        let links: Vec<LinkSpheres> = chain.links.iter().rev().map(LinkSpheres::new).collect();
-        let may_meet = |a: usize, b: usize| {
-            let both_solid = !links[a].clusters.is_empty() && !links[b].clusters.is_empty();
-            both_solid && !chain.allowed_self_collisions.contains(&(last - b, last - a))
+    ///
+    /// # Errors
+    ///
+    /// When more than [`MAX_LINKS`] links have spheres.
+    pub fn from_chain(chain: &Chain) -> Result<Self> {
+        let mut order: Vec<usize> = (0..chain.links.len()).filter(|&i| !chain.links[i].spheres.is_empty()).collect();
+        order.sort_by_key(|&i| core::cmp::Reverse(chain.links[i].body));
+        check_count(order.len())?;
+        let is_tested = |&(a, b): &(usize, usize)| {
+            let pair = (order[a].min(order[b]), order[a].max(order[b]));
+            !chain.allowed_self_collisions.contains(&pair)
         };
-        let self_pairs = (0..links.len()).flat_map(|a| (a + 1..links.len()).map(move |b| (a, b)));
-        Self {
+        Ok(Self {
             level: Level::new(),
             joints: chain.joints.iter().map(JointFrame::new).collect(),
+            body_from_tip: Pose3::from(chain.body_from_tip),
             limits: chain.limits(),
-            self_pairs: self_pairs.filter(|&(a, b)| may_meet(a, b)).collect(),
-            links,
+            self_pairs: pairs(order.len()).filter(is_tested).collect(),
+            links: order.iter().map(|&i| LinkSpheres::of(&chain.links[i])).collect(),
+        })
+    }
+
+    /// The arm with an object in its hand: `spheres` in the frame of its tip (of a built-in arm: the flange), metres.
+    ///
+    /// The object is tested against everything that the hand is, and against every link but those named in `touching`.
+    ///
+    /// # Errors
+    ///
+    /// When a link in `touching` has no spheres or does not exist, a sphere is not finite, or there are too many links.
+    pub fn with_attached(&self, spheres: &[Sphere], touching: &[&str]) -> Result<Self> {
+        if let Some(name) = touching.iter().find(|name| !self.links.iter().any(|link| link.name == **name)) {
+            return Err(Error::Robot(format!("link {name}: is none that has spheres")));
         }
+        if let Some(idx) = spheres.iter().position(|s| !(s.center.is_finite() && s.radius.is_finite() && s.radius >= 0.0)) {
+            return Err(Error::Robot(format!("attached sphere {idx}: {:?}", spheres[idx])));
+        }
+        let mut arm = self.clone();
+        if spheres.is_empty() {
+            return Ok(arm);
+        }
+        check_count(self.links.len() + 1)?;
+        let moved = |s: &Sphere| Sphere { center: self.body_from_tip * s.center, radius: s.radius };
+        let object = arm.links.len();
+        let spheres = spheres.iter().map(moved).collect();
+        arm.links.push(LinkSpheres::new("attached", self.joints.len(), ArmPart::Hand, spheres));
+        let tested = (0..object).filter(|&link| !touching.contains(&self.links[link].name.as_str()));
+        arm.self_pairs.extend(tested.map(|link| (link, object)));
+        Ok(arm)
+    }
+
+    /// The bits of the links of that name, for [`super::Scene::allow_contact`].
+    pub(super) fn link_bits(&self, name: &str) -> u32 {
+        self.links.iter().enumerate().filter(|(_, link)| link.name == name).fold(0, |bits, (idx, _)| bits | (1 << idx))
     }
 
     /// Lower and upper limit of every joint, radians.
@@ -141,12 +183,29 @@ impl ArmSpheres {
 
 impl LinkSpheres {
     /// The bound is centred in the box of the spheres: not the least, but near it for long links.
-    fn new(link: &ChainLink) -> Self {
-        let part = if link.body == 0 { ArmPart::Base } else { ArmPart::Arm };
+    fn new(name: &str, body: usize, part: ArmPart, spheres: Vec<Sphere>) -> Self {
+        let bound = bound(&spheres);
         let mut clusters = Vec::new();
-        split(link.spheres.clone(), &mut clusters);
-        Self { name: link.name.clone(), body: link.body, part, bound: bound(&link.spheres), clusters }
+        split(spheres, &mut clusters);
+        Self { name: name.to_owned(), body, part, bound, clusters }
     }
+
+    fn of(link: &ChainLink) -> Self {
+        let part = if link.body == 0 { ArmPart::Base } else { ArmPart::Arm };
+        Self::new(&link.name, link.body, part, link.spheres.clone())
+    }
+}
+
+/// Pairs `a < b` of `n` links.
+fn pairs(n: usize) -> impl Iterator<Item = (usize, usize)> {
+    (0..n).flat_map(move |a| (a + 1..n).map(move |b| (a, b)))
+}
+
+fn check_count(n_links: usize) -> Result<()> {
+    if n_links <= MAX_LINKS {
+        return Ok(());
+    }
+    Err(Error::Robot(format!("{n_links} links have collision spheres, at most {MAX_LINKS} may")))
 }
 
 /// Halves the spheres across the longest side of their box until few are left together.

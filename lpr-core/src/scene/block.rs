@@ -72,7 +72,7 @@ fn block_is_free<S: Simd>(simd: S, scene: &Scene, arm: &ArmSpheres, q: &[Floats<
     let mut frames = [Frames::identity(simd); DOF + 1];
     forward_kinematics(simd, arm, q, &mut frames);
     let mut bounds = ArrayVec::<Vec3s<S>, MAX_LINKS>::new();
-    for link in &arm.links {
+    for (idx, link) in arm.links.iter().enumerate() {
         let frame = &frames[link.body];
         let bound = frame.point(link.bound.center);
         bounds.push(bound);
@@ -81,7 +81,7 @@ fn block_is_free<S: Simd>(simd: S, scene: &Scene, arm: &ArmSpheres, q: &[Floats<
             ArmPart::Arm => &scene.arm_points,
             ArmPart::Hand => &scene.hand_points,
         };
-        if points.meet(simd, link, frame, bound) || scene.solids.meet(link, frame, bound) {
+        if points.meet(simd, link, frame, bound) || scene.solids.meet(1 << idx, link, frame, bound) {
             return false;
         }
     }

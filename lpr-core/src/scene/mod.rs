@@ -15,7 +15,7 @@ mod solids;
 #[cfg(test)]
 pub(crate) mod stick_arm;
 
-pub use arm_spheres::ArmSpheres;
+pub use arm_spheres::{ArmSpheres, MAX_LINKS};
 pub use cloud::{PointCloud, downsample};
 pub use motion::MotionChecker;
 pub use obstacles::{
@@ -24,6 +24,7 @@ pub use obstacles::{
 pub use primitive::{Face, Primitive};
 pub use shape::{Part, Shape};
 
+use crate::error::{Error, Result};
 use crate::robot::JointConfig;
 use glamx::Vec3;
 use solids::Solids;
@@ -80,6 +81,26 @@ impl Scene {
     /// The solid obstacles.
     pub fn primitives(&self) -> impl Iterator<Item = &Primitive> {
         self.solids.primitives()
+    }
+
+    /// Lets the link of that name touch one of the primitives, counted in the order in which they were given.
+    ///
+    /// The scene is then one for `arm`: other arms number their links otherwise.
+    ///
+    /// # Errors
+    ///
+    /// When there is no such primitive, or no such link with spheres.
+    pub fn allow_contact(&mut self, arm: &ArmSpheres, link: &str, primitive: usize) -> Result<()> {
+        let bits = arm.link_bits(link);
+        if bits == 0 {
+            return Err(Error::Robot(format!("link {link}: is none that has spheres")));
+        }
+        let n = self.primitives().count();
+        if primitive >= n {
+            return Err(Error::Environment(format!("primitive {primitive}: the scene has {n}")));
+        }
+        self.solids.allow(primitive, bits);
+        Ok(())
     }
 
     /// Whether the arm at `config` meets neither the scene nor itself.

@@ -22,10 +22,20 @@ pub(super) struct Solids {
     hulls: Vec<HullFaces>,
 }
 
+/// What every kind of solid has.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Tag {
+    /// Index of the primitive.
+    primitive: usize,
+    /// Distance of the nearest point from the origin of the world, metres.
+    nearest: f32,
+    /// Bits of the links that may touch it.
+    allowed: u32,
+}
+
 #[derive(Debug, Clone, PartialEq)]
 struct Ball {
-    /// Distance of the nearest point from the origin of the world, metres; likewise in the other kinds.
-    nearest: f32,
+    tag: Tag,
     center: Vec3,
     radius: f32,
 }
@@ -33,7 +43,7 @@ struct Ball {
 /// A box whose third axis is vertical.
 #[derive(Debug, Clone, PartialEq)]
 struct UprightBox {
-    nearest: f32,
+    tag: Tag,
     center: Vec3,
     /// The box's first axis in the horizontal plane.
     cos: f32,
@@ -43,7 +53,7 @@ struct UprightBox {
 
 #[derive(Debug, Clone, PartialEq)]
 struct OrientedBox {
-    nearest: f32,
+    tag: Tag,
     center: Vec3,
     axes: [Vec3; 3],
     half_extents: Vec3,
@@ -51,7 +61,7 @@ struct OrientedBox {
 
 #[derive(Debug, Clone, PartialEq)]
 struct CapsuleAxis {
-    nearest: f32,
+    tag: Tag,
     a: Vec3,
     axis: Vec3,
     inverse_squared_length: f32,
@@ -60,7 +70,7 @@ struct CapsuleAxis {
 
 #[derive(Debug, Clone, PartialEq)]
 struct OrientedCylinder {
-    nearest: f32,
+    tag: Tag,
     center: Vec3,
     axes: [Vec3; 3],
     radius: f32,
@@ -69,7 +79,7 @@ struct OrientedCylinder {
 
 #[derive(Debug, Clone, PartialEq)]
 struct HullFaces {
-    nearest: f32,
+    tag: Tag,
     faces: Vec<Face>,
 }
 
@@ -77,12 +87,12 @@ impl FromIterator<Primitive> for Solids {
     fn from_iter<I: IntoIterator<Item = Primitive>>(primitives: I) -> Self {
         let mut solids = Self::default();
         primitives.into_iter().for_each(|primitive| solids.push(primitive));
-        solids.balls.sort_by(|a, b| a.nearest.total_cmp(&b.nearest));
-        solids.upright_boxes.sort_by(|a, b| a.nearest.total_cmp(&b.nearest));
-        solids.boxes.sort_by(|a, b| a.nearest.total_cmp(&b.nearest));
-        solids.capsules.sort_by(|a, b| a.nearest.total_cmp(&b.nearest));
-        solids.cylinders.sort_by(|a, b| a.nearest.total_cmp(&b.nearest));
-        solids.hulls.sort_by(|a, b| a.nearest.total_cmp(&b.nearest));
+        solids.balls.sort_by(|a, b| a.tag.nearest.total_cmp(&b.tag.nearest));
+        solids.upright_boxes.sort_by(|a, b| a.tag.nearest.total_cmp(&b.tag.nearest));
+        solids.boxes.sort_by(|a, b| a.tag.nearest.total_cmp(&b.tag.nearest));
+        solids.capsules.sort_by(|a, b| a.tag.nearest.total_cmp(&b.tag.nearest));
+        solids.cylinders.sort_by(|a, b| a.tag.nearest.total_cmp(&b.tag.nearest));
+        solids.hulls.sort_by(|a, b| a.tag.nearest.total_cmp(&b.tag.nearest));
         solids
     }
 }
@@ -91,35 +101,46 @@ impl Solids {
     fn push(&mut self, primitive: Primitive) {
         /// Rounding of coordinates up to ten metres.
         const MARGIN: f32 = 1e-5;
-        let nearest = primitive.distance(Vec3::ZERO) - MARGIN;
+        let tag = Tag { primitive: self.primitives.len(), nearest: primitive.distance(Vec3::ZERO) - MARGIN, allowed: 0 };
         match &primitive {
-            Primitive::Sphere { center, radius } => self.balls.push(Ball { nearest, center: *center, radius: *radius }),
-            Primitive::Cuboid { world_from_box, half_extents } => self.push_box(nearest, world_from_box, *half_extents),
+            Primitive::Sphere { center, radius } => self.balls.push(Ball { tag, center: *center, radius: *radius }),
+            Primitive::Cuboid { world_from_box, half_extents } => self.push_box(tag, world_from_box, *half_extents),
             Primitive::Capsule { a, b, radius } => {
                 let axis = *b - *a;
                 let inverse_squared_length = 1.0 / axis.dot(axis).max(f32::MIN_POSITIVE);
-                self.capsules.push(CapsuleAxis { nearest, a: *a, axis, inverse_squared_length, radius: *radius });
+                self.capsules.push(CapsuleAxis { tag, a: *a, axis, inverse_squared_length, radius: *radius });
             }
             Primitive::Cylinder { world_from_cylinder, radius, half_length } => self.cylinders.push(OrientedCylinder {
-                nearest,
+                tag,
                 center: world_from_cylinder.translation,
                 axes: axes(world_from_cylinder.rotation),
                 radius: *radius,
                 half_length: *half_length,
             }),
-            Primitive::Hull { faces } => self.hulls.push(HullFaces { nearest, faces: faces.clone() }),
+            Primitive::Hull { faces } => self.hulls.push(HullFaces { tag, faces: faces.clone() }),
         }
         self.primitives.push(primitive);
     }
 
-    fn push_box(&mut self, nearest: f32, world_from_box: &Pose3, half_extents: Vec3) {
+    fn push_box(&mut self, tag: Tag, world_from_box: &Pose3, half_extents: Vec3) {
         let (center, axes) = (world_from_box.translation, axes(world_from_box.rotation));
         if axes[2].x.abs().max(axes[2].y.abs()) < UPRIGHT_SLACK {
             let (cos, sin) = (axes[0].x, axes[0].y);
-            self.upright_boxes.push(UprightBox { nearest, center, cos, sin, half_extents });
+            self.upright_boxes.push(UprightBox { tag, center, cos, sin, half_extents });
         } else {
-            self.boxes.push(OrientedBox { nearest, center, axes, half_extents });
+            self.boxes.push(OrientedBox { tag, center, axes, half_extents });
         }
+    }
+
+    /// Lets the links of `bits` touch a primitive.
+    pub(super) fn allow(&mut self, primitive: usize, bits: u32) {
+        let tags = self.balls.iter_mut().map(|solid| &mut solid.tag);
+        let tags = tags.chain(self.upright_boxes.iter_mut().map(|solid| &mut solid.tag));
+        let tags = tags.chain(self.boxes.iter_mut().map(|solid| &mut solid.tag));
+        let tags = tags.chain(self.capsules.iter_mut().map(|solid| &mut solid.tag));
+        let tags = tags.chain(self.cylinders.iter_mut().map(|solid| &mut solid.tag));
+        let tags = tags.chain(self.hulls.iter_mut().map(|solid| &mut solid.tag));
+        tags.filter(|tag| tag.primitive == primitive).for_each(|tag| tag.allowed |= bits);
     }
 
     /// The solids.
@@ -128,18 +149,20 @@ impl Solids {
     }
 
     /// Whether in any lane a solid meets a sphere of `link`, whose bounding sphere has its centre at `bound`.
+    ///
+    /// `bit` is the link's; solids that it may touch are passed over.
     #[inline(always)]
-    pub(super) fn meet<S: Simd>(&self, link: &LinkSpheres, frame: &Frames<S>, bound: Vec3s<S>) -> bool {
+    pub(super) fn meet<S: Simd>(&self, bit: u32, link: &LinkSpheres, frame: &Frames<S>, bound: Vec3s<S>) -> bool {
         let radius = link.bound.radius;
         let furthest = bound.length_squared().reduce_max();
         macro_rules! meet {
             ($kind:expr) => {
                 for solid in &$kind {
-                    let nearest = solid.nearest - radius;
+                    let nearest = solid.tag.nearest - radius;
                     if nearest > 0.0 && nearest * nearest > furthest {
                         break;
                     }
-                    if solid.touches(bound, radius) {
+                    if solid.tag.allowed & bit == 0 && solid.touches(bound, radius) {
                         for cluster in &link.clusters {
                             if solid.touches(frame.point(cluster.bound.center), cluster.bound.radius) {
                                 for sphere in &cluster.spheres {

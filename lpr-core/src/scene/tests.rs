@@ -56,13 +56,14 @@ fn gantry(radius: f32) -> ArmSpheres {
     };
     let spheres = vec![Sphere { center: Vec3::ZERO, radius }];
     let ball = ChainLink { name: "ball".to_owned(), body: 3, body_from_link: DPose3::IDENTITY, spheres, overshoot: 0.0 };
-    ArmSpheres::from_chain(&Chain {
+    let chain = Chain {
         name: "gantry".to_owned(),
         joints: axes.map(slide).to_vec(),
         body_from_tip: DPose3::IDENTITY,
         links: vec![ball],
         allowed_self_collisions: Vec::new(),
-    })
+    };
+    ArmSpheres::from_chain(&chain).unwrap()
 }
 
 fn solids(at: &[Vec3], turn: [f32; 3], size: f32) -> Vec<Primitive> {
@@ -156,4 +157,52 @@ fn a_configuration_that_is_not_finite_is_not_free() {
     let mut broken = robot.start;
     broken[3] = f32::NAN;
     assert!(!Scene::empty().is_free(&ArmSpheres::new(&robot), &broken));
+}
+
+#[test]
+fn a_held_object_is_part_of_the_hand_and_may_touch_the_links_that_are_named() {
+    let robot = stick_arm();
+    let arm = ArmSpheres::new(&robot);
+    let flange_from_grip = Pose3::from(robot.flange_from_grip);
+    let ball = |z: f32| Sphere { center: flange_from_grip * Vec3::new(0.0, 0.0, z), radius: 0.04 };
+    let post = robot.grip(&robot.start) * Vec3::new(0.0, 0.0, 0.2);
+    let scene = Scene::from_primitives(vec![Primitive::Sphere { center: post, radius: 0.05 }]);
+    assert!(scene.is_free(&arm, &robot.start));
+    let holding = arm.with_attached(&[ball(0.15)], &["hand"]).unwrap();
+    assert!(Scene::empty().is_free(&holding, &robot.start));
+    assert!(!scene.is_free(&holding, &robot.start), "the object is in the post");
+    let in_fingers = |touching: &[&str]| arm.with_attached(&[ball(0.0)], touching).unwrap();
+    assert!(Scene::empty().is_free(&in_fingers(&["hand"]), &robot.start));
+    assert!(!Scene::empty().is_free(&in_fingers(&[]), &robot.start), "the object is between the fingers");
+    assert!(arm.with_attached(&[ball(0.0)], &["hnd"]).unwrap_err().to_string().contains("hnd"));
+    assert!(arm.with_attached(&[ball(f32::NAN)], &[]).is_err());
+}
+
+#[test]
+fn a_contact_that_is_allowed_is_so_for_that_link_and_that_obstacle_alone() {
+    let robot = stick_arm();
+    let arm = ArmSpheres::new(&robot);
+    let at_hand = robot.grip(&robot.start).translation;
+    let elbow = robot.link_frames(&robot.start)[4].translation;
+    let ball = |center| Primitive::Sphere { center, radius: 0.06 };
+    let allowing = |primitives: Vec<Primitive>| {
+        let mut scene = Scene::from_primitives(primitives);
+        scene.allow_contact(&arm, "hand", 0).unwrap();
+        scene.is_free(&arm, &robot.start)
+    };
+    assert!(!Scene::from_primitives(vec![ball(at_hand)]).is_free(&arm, &robot.start));
+    assert!(allowing(vec![ball(at_hand)]));
+    assert!(!allowing(vec![ball(at_hand), ball(at_hand)]));
+    assert!(!allowing(vec![ball(elbow)]));
+    let mut scene = Scene::from_primitives(vec![ball(at_hand)]);
+    assert!(scene.allow_contact(&arm, "claw", 0).unwrap_err().to_string().contains("claw"));
+    assert!(scene.allow_contact(&arm, "hand", 1).unwrap_err().to_string().contains("primitive 1"));
+}
+
+#[test]
+fn an_arm_of_too_many_links_is_refused() {
+    let mut chain = Chain::from_robot(&stick_arm());
+    let link = chain.links[1].clone();
+    chain.links.extend((0..MAX_LINKS).map(|_| link.clone()));
+    assert!(ArmSpheres::from_chain(&chain).unwrap_err().to_string().contains("at most 32"));
 }

@@ -102,7 +102,7 @@ struct Summary {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Report> {
     let arm = arguments.arm.load()?;
-    let spheres = ArmSpheres::from_chain(&arm.chain);
+    let spheres = ArmSpheres::from_chain(&arm.chain)?;
     let file = problems::read_problems(&arguments.problems)?;
     let mut results = Vec::new();
     for (idx, problem) in file.problems.iter().enumerate() {
