@@ -106,7 +106,7 @@ fn a_malformed_file_is_named_with_its_field() {
         error.strip_prefix(&format!("{}: ", input.path())).unwrap().to_owned()
     };
     let error = refusal("fk", "--configs", json!({"configs": [[0, 0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0]]}));
-    assert!(error.starts_with("configs[1]: invalid length 6, expected an array of length 7"), "{error}");
+    assert!(error.starts_with("configs[1]: has 6 joint angles, xarm7 has 7"), "{error}");
     let error = refusal("fk", "--configs", json!({"configs": [[0, 0, 0, 0, 0, 0, 1e300]]}));
     assert!(error.starts_with("configs[0][6]: number out of range"), "{error}");
     let error = refusal("ik", "--poses", json!({"poses": [{"position": [0, 0, 0], "rotation_xyzw": [0, 0, 0, 0]}]}));

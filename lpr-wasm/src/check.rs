@@ -1,11 +1,19 @@
 //! What is compared between wasm and native code: the simulator's results, and its speed.
 
-use lpr_core::env::InvalidAction;
+use core::hash::{Hash as _, Hasher as _};
+use lpr_core::agent::{Agent, Draws, Goal, Init, Method, Networks, PoseSource};
+use lpr_core::config::Config;
+use lpr_core::env::{Environment as _, InvalidAction};
 use lpr_core::error::{Error, Result};
+use lpr_core::nn::Backend;
+use lpr_core::path::{CandidateStreams, Source};
+use lpr_core::perception::Observation;
+use lpr_core::q_attention::NextBestPose;
 use lpr_core::rng::{Stream, stream};
-use lpr_core::robot::Robot;
+use lpr_core::robot::{Robot, XARM7};
 use lpr_core::sim::tasks::Task;
 use lpr_core::sim::{ArmSweep, SimEnvironment, SimParams, World, demonstrate};
+use std::hash::DefaultHasher;
 
 /// The hash of the world, 16 hexadecimal digits, after the whole scripted demonstration in scene `seed`, done or not.
 ///
@@ -45,6 +53,53 @@ impl PhysicsBench {
     }
 }
 
+/// The scene and the agent of the benchmark `candidates_41`.
+#[derive(Debug)]
+pub struct CandidatesBench {
+    agent: Agent,
+    observation: Observation,
+    goal: NextBestPose,
+}
+
+impl CandidatesBench {
+    /// An untrained agent of the preset `fast`, and what it sees before it opens a toilet seat.
+    ///
+    /// # Errors
+    ///
+    /// When the scene cannot be placed.
+    pub fn new() -> Result<Self> {
+        /// As in the benchmark of native code.
+        const SCENE: u64 = 1000;
+        let config = Config::preset("fast")?;
+        let init = Init { backend: Backend::Flex, seed: 0 };
+        let networks = Networks::new(&config, &XARM7, Method::Lpr, PoseSource::Oracle, init)?;
+        let agent = Agent::new(&config, &XARM7, Method::Lpr, networks);
+        let mut environment =
+            SimEnvironment::new(Task::by_name("toilet_seat_up")?, &XARM7, SCENE, &["front"], &config.simulator)?;
+        let goal = environment.plan().goals[0];
+        Ok(Self { agent, observation: environment.observe(), goal })
+    }
+
+    /// Proposes and ranks the candidates of a step: obstacles, 20 planner, 20 Bézier and one policy path. The hash, 16
+    /// hexadecimal digits, of the planner's and the curves' paths, which no network has a part in.
+    ///
+    /// # Errors
+    ///
+    /// As [`Agent::act`].
+    pub fn run(&self, step: u64) -> Result<String> {
+        let draws = Draws::greedy(CandidateStreams { seed: 0, step });
+        let action = self.agent.act(&self.observation, Goal::from(self.goal), draws)?;
+        let mut hasher = DefaultHasher::new();
+        for candidate in &action.set.candidates {
+            if matches!(candidate.source, Source::Planner | Source::Bezier) {
+                candidate.collides.hash(&mut hasher);
+                candidate.path.configs().iter().flat_map(|config| config.iter()).for_each(|q| q.to_bits().hash(&mut hasher));
+            }
+        }
+        Ok(format!("{:016x}", hasher.finish()))
+    }
+}
+
 fn hash(world: &World) -> String {
     format!("{:016x}", world.hash())
 }
@@ -59,6 +114,13 @@ mod tests {
         assert_eq!(once, again);
         assert_ne!(once, demonstration_hash("reach_target", "panda", 4).unwrap());
         assert!(demonstration_hash("reach_taget", "panda", 3).unwrap_err().to_string().contains("reach_taget"));
+    }
+
+    #[test]
+    fn candidates_are_the_same_again_and_others_in_another_step() {
+        let bench = CandidatesBench::new().unwrap();
+        assert_eq!(bench.run(1).unwrap(), bench.run(1).unwrap());
+        assert_ne!(bench.run(1).unwrap(), bench.run(2).unwrap());
     }
 
     #[test]

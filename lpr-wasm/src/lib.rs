@@ -192,6 +192,33 @@ impl PhysicsBench {
     }
 }
 
+/// [`check::CandidatesBench`].
+#[derive(Debug)]
+#[wasm_bindgen]
+pub struct CandidatesBench(check::CandidatesBench);
+
+#[wasm_bindgen]
+impl CandidatesBench {
+    /// [`check::CandidatesBench::new`].
+    ///
+    /// # Errors
+    ///
+    /// As there.
+    #[wasm_bindgen(constructor)]
+    pub fn new() -> Result<Self, JsError> {
+        Ok(Self(check::CandidatesBench::new()?))
+    }
+
+    /// [`check::CandidatesBench::run`].
+    ///
+    /// # Errors
+    ///
+    /// As there.
+    pub fn run(&self, step: u32) -> Result<String, JsError> {
+        Ok(self.0.run(u64::from(step))?)
+    }
+}
+
 fn json(value: &impl Serialize) -> Result<String, JsError> {
     Ok(serde_json::to_string(value)?)
 }

@@ -1,41 +1,51 @@
-// Prints what `lpr bench simulation --json` prints, for the benchmarks that run in wasm. With the path of the binary both are
-// measured in turn, and `native_ratio` says how many times as long wasm takes, of the medians and of the least times.
+// Prints what `lpr bench … --json` prints, for the benchmarks that run in wasm. With the path of the binary both are measured in
+// turn, and `native_ratio` says how many times as long wasm takes, of the medians and of the least times.
 // Usage: node tests/node/bench.mjs [target/release/lpr]
 
 import { execFileSync } from "node:child_process";
 import wasm from "./module.mjs";
 
-const NAME = "physics_arm10_10ms";
 const STEPS_PER_RUN = 100;
-const RUNS = 300;
 const TURNS = 5;
+
+const physics = new wasm.PhysicsBench();
+const candidates = new wasm.CandidatesBench();
+const BENCHES = [
+  { name: "physics_arm10_10ms", subject: "simulation", runs: 300, parts: STEPS_PER_RUN, run: () => physics.run(STEPS_PER_RUN) },
+  { name: "candidates_41", subject: "candidates", runs: 50, parts: 1, run: (i) => candidates.run(i) },
+];
 
 const ascending = (values) => values.toSorted((a, b) => a - b);
 const median = (values) => ascending(values)[Math.floor(values.length / 2)];
 
-function inWasm() {
-  const bench = new wasm.PhysicsBench();
-  bench.run(STEPS_PER_RUN);
-  const times = Array.from({ length: RUNS }, () => {
+function inWasm({ name, runs, parts, run }) {
+  run(0);
+  const times = Array.from({ length: runs }, (_, i) => {
     const start = performance.now();
-    bench.run(STEPS_PER_RUN);
-    return (performance.now() - start) / STEPS_PER_RUN;
+    run(i + 1);
+    return (performance.now() - start) / parts;
   });
-  return { name: NAME, threads: 1, median_ms: median(times), min_ms: Math.min(...times), runs: RUNS };
+  return { name, threads: 1, median_ms: median(times), min_ms: Math.min(...times), runs };
 }
 
-function native(binary) {
-  const printed = execFileSync(binary, ["bench", "simulation", "--threads", "1", "--json"], { encoding: "utf8" });
-  return JSON.parse(printed).results.find((row) => row.name === NAME);
+function native(binary, { name, subject }) {
+  const printed = execFileSync(binary, ["bench", subject, "--threads", "1", "--json"], { encoding: "utf8" });
+  return JSON.parse(printed).results.find((row) => row.name === name);
+}
+
+function measured(binary, bench) {
+  const turns = Array.from({ length: binary ? TURNS : 1 }, () => ({ wasm: inWasm(bench), native: binary && native(binary, bench) }));
+  const least = (key) => Math.min(...turns.map((turn) => turn[key].min_ms));
+  const middle = (key) => median(turns.map((turn) => turn[key].median_ms));
+  const row = { ...turns[0].wasm, median_ms: middle("wasm"), min_ms: least("wasm"), runs: bench.runs * turns.length };
+  const ratio = binary && { median: middle("wasm") / middle("native"), least: least("wasm") / least("native") };
+  return { row, ratio };
 }
 
 const binary = process.argv[2];
-const turns = Array.from({ length: binary ? TURNS : 1 }, () => ({ wasm: inWasm(), native: binary && native(binary) }));
-const least = (key) => Math.min(...turns.map((turn) => turn[key].min_ms));
-const middle = (key) => median(turns.map((turn) => turn[key].median_ms));
-const report = { results: [turns[0].wasm] };
+const results = BENCHES.map((bench) => measured(binary, bench));
+const report = { results: results.map(({ row }) => row) };
 if (binary) {
-  report.results[0] = { ...turns[0].wasm, median_ms: middle("wasm"), min_ms: least("wasm"), runs: RUNS * TURNS };
-  report.native_ratio = { median: middle("wasm") / middle("native"), least: least("wasm") / least("native") };
+  report.native_ratio = Object.fromEntries(results.map(({ row, ratio }) => [row.name, ratio]));
 }
 console.log(JSON.stringify(report));

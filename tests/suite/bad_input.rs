@@ -179,7 +179,7 @@ fn files_of_poses_and_configurations_are_refused_by_their_field() {
         ("fk", nested, "invalid type: sequence"),
         ("fk", "{}".to_owned(), "missing field `configs`"),
         ("fk", format!(r#"{{"configs": [{config}], "poses": []}}"#), "unknown field `poses`"),
-        ("fk", format!(r#"{{"configs": [{config}, [0, 0, 0]]}}"#), "configs[1]: invalid length 3"),
+        ("fk", format!(r#"{{"configs": [{config}, [0, 0, 0]]}}"#), "configs[1]: has 3 joint angles, xarm7 has 7"),
         ("fk", r#"{"configs": [[0, 0, 0, "0", 0, 0, 0]]}"#.to_owned(), "configs[0][3]: invalid type: string"),
         ("fk", r#"{"configs": [[0, 0, 0, NaN, 0, 0, 0]]}"#.to_owned(), "expected value"),
         ("fk", r#"{"configs": [[0, 0, 0, 1e39, 0, 0, 0]]}"#.to_owned(), "configs[0]"),
@@ -188,7 +188,11 @@ fn files_of_poses_and_configurations_are_refused_by_their_field() {
         ("ik", pose(r#""rotation_xyzw": [1e200, 0, 0, 0]"#), "poses[0].rotation_xyzw: has norm inf"),
         ("ik", pose(r#""rotation_xyzw": [0, 0, 1]"#), "poses[0].rotation_xyzw: invalid length 3"),
         ("ik", pose(r#""quaternion": [0, 0, 0, 1]"#), "poses[0].quaternion: unknown field"),
-        ("ik", pose(r#""rotation_xyzw": [0, 0, 0, 1], "seed_config": [0]"#), "poses[0].seed_config: invalid length 1"),
+        (
+            "ik",
+            pose(r#""rotation_xyzw": [0, 0, 0, 1], "seed_config": [0]"#),
+            "poses[0].seed_config: has 1 joint angles, xarm7 has 7",
+        ),
         ("ik", r#"{"poses": {}}"#.to_owned(), "poses: invalid type: map"),
     ] {
         let error = file_refusal(command, "a.json", text.as_bytes());

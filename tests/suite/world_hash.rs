@@ -1,4 +1,4 @@
-//! The same world after every task's demonstration: natively with one and two threads, and in wasm.
+//! The same world after every task's demonstration, and the same candidates: natively with one and two threads, and in wasm.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -6,7 +6,7 @@ use crate::lpr::text;
 use lpr_core::robot::ROBOTS;
 use lpr_core::sim::tasks::TASKS;
 use lpr_tests::workspace;
-use lpr_wasm::check::demonstration_hash;
+use lpr_wasm::check::{CandidatesBench, demonstration_hash};
 use std::process::Command;
 
 /// A validation scene: the test scenes are for reported results.
@@ -48,4 +48,17 @@ fn every_demonstration_ends_in_the_same_world_with_one_thread_two_threads_and_in
         assert_eq!(one[idx], two[idx], "{scene:?} with two threads");
         assert_eq!(one[idx], wasm[idx], "{scene:?} in wasm");
     }
+}
+
+#[test]
+fn the_planners_paths_and_the_curves_are_the_same_with_one_thread_two_threads_and_in_wasm() {
+    const STEPS: u64 = 5;
+    let bench = CandidatesBench::new().unwrap();
+    let [one, two] = [1, 2].map(|n_threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
+        pool.install(|| (0..STEPS).map(|step| bench.run(step).unwrap()).collect::<Vec<String>>())
+    });
+    let wasm: Vec<String> = serde_json::from_str(&node("candidates.mjs", &STEPS.to_string())).unwrap();
+    assert_eq!(one, two);
+    assert_eq!(one, wasm);
 }

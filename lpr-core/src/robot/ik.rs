@@ -193,12 +193,12 @@ fn may_be_refined(has_solutions: &[bool]) -> bool {
 /// as long as none has.
 fn refined(has_solutions: &[bool], mut solve: impl FnMut(f64) -> bool) -> Vec<bool> {
     let n = has_solutions.len();
-    let is_promising = |sample: usize| has_solutions[sample] || has_solutions[(sample + 1) % n];
     let is_blind = !has_solutions.contains(&true);
+    let nexts = has_solutions.iter().cycle().skip(1);
     let mut finer = Vec::with_capacity(2 * n);
-    for sample in 0..n {
-        let middle = (is_blind || is_promising(sample)) && solve((sample as f64 + 0.5) / n as f64);
-        finer.extend([has_solutions[sample], middle]);
+    for (sample, (&here, &next)) in has_solutions.iter().zip(nexts).enumerate() {
+        let middle = (is_blind || here || next) && solve((sample as f64 + 0.5) / n as f64);
+        finer.extend([here, middle]);
     }
     finer
 }

@@ -3,9 +3,16 @@
 use super::{Row, default_preset, environment, measure};
 use crate::cli::Result;
 use lpr_core::env::Environment as _;
-use lpr_core::path::{BezierCurve, CandidateSettings, CandidateStreams, PathQuery, TimedPath, candidates};
+use lpr_core::glamx::{Pose3, Vec3};
+use lpr_core::path::{
+    BezierCurve, CandidateSettings, CandidateStreams, GripSpeedLimit, MotionLimits, PathQuery, SmoothPath, candidates,
+    linear_path, time_optimal,
+};
 use lpr_core::rng::{Stream, stream};
-use lpr_core::robot::{PANDA, Robot, XARM7};
+use lpr_core::robot::{DOF, PANDA, Robot, XARM7};
+use lpr_core::scene::{Holding, ObstacleQuery, obstacle_scene};
+use lpr_core::sim::SimEnvironment;
+use lpr_core::sim::tasks::Task;
 
 /// Solutions, curves and paths that are asked for.
 const PATHS: usize = 20;
@@ -15,7 +22,10 @@ const CONFIGS: usize = 50;
 const DISTINCT: f32 = 0.2;
 
 pub(super) fn run() -> Result<Vec<Row>> {
-    Ok(vec![ik("ik20_xarm7", &XARM7), ik("ik20_panda", &PANDA), bezier()?, planner()?, timing()?])
+    let mut rows = vec![ik("ik20_xarm7", &XARM7), ik("ik20_panda", &PANDA), bezier()?];
+    rows.extend(planner()?);
+    rows.push(timing()?);
+    Ok(rows)
 }
 
 /// 20 distinct solutions of a pose above the table.
@@ -38,30 +48,45 @@ fn bezier() -> Result<Row> {
     }))
 }
 
-/// 20 planner paths around what a depth image saw, all with collision checking.
-fn planner() -> Result<Row> {
+/// What a depth image saw made into obstacles, and 20 planner paths around them, all with collision checking. Half of the straight
+/// motions to the 20 goals hit something.
+fn planner() -> Result<[Row; 2]> {
+    const SCENE: u64 = 1001;
     let config = default_preset();
-    let mut env = environment(&config)?;
+    let mut env = SimEnvironment::new(Task::by_name("open_box")?, &XARM7, SCENE, &["front"], &config.simulator)?;
     let goal = env.plan().goals[0].pose;
-    let (scene, start) = (env.obstacles(Some(&goal)), *env.world().config());
+    let (observation, start) = (env.observe(), *env.world().config());
+    let points: Vec<Vec3> = observation.colored_points().map(|(point, _)| point).collect();
+    let holding = Holding::Nothing;
+    let look = ObstacleQuery { robot: env.robot(), measured: &start, goal: Some(&goal), holding };
+    let scene = obstacle_scene(&look, &points);
     let settings =
         CandidateSettings { planner_paths: PATHS, bezier_paths: 0, planner_collision_free_fraction: 1.0, ..config.candidates };
     let query = PathQuery { robot: env.robot(), start, goal, scene: &scene, policy_path: None };
     let mut step = 0;
-    Ok(measure("planner20_depth_image", || {
+    let build = measure("obstacles_depth_image", || obstacle_scene(&look, &points));
+    let plan = measure("planner20_depth_image", || {
         step += 1;
         candidates(&query, &settings, CandidateStreams { seed: 0, step })
-    }))
+    });
+    Ok([build, plan])
 }
 
-/// Time parameterisation of a path of 50 configurations.
+/// The fastest motion through 50 configurations, with limits of velocity, acceleration, jerk and the grip's speed.
 fn timing() -> Result<Row> {
-    let config = default_preset();
-    let goal = environment(&config)?.plan().goals[0].pose;
-    let start = XARM7.grip(&XARM7.start);
-    let middle = 0.5 * (start.translation + goal.translation);
-    let curve = BezierCurve::new(&start, middle, &goal).to_joints(&XARM7, &XARM7.start);
-    let path = curve.map_err(|reason| lpr_core::Error::Environment(format!("timing_50: no curve, {}", reason.name())))?;
+    /// Of the Panda, from its vendor, rad/s³.
+    const JERK: [f64; DOF] = [7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10_000.0, 10_000.0];
+    let start = PANDA.grip(&PANDA.start);
+    let goal = Pose3::from_parts(start.translation + Vec3::new(0.1, -0.3, -0.2), start.rotation);
+    let path = linear_path(&PANDA, &PANDA.start, &goal);
+    let path = path.map_err(|reason| lpr_core::Error::Environment(format!("timing_50: no line, {}", reason.name())))?;
     let path = path.resample(CONFIGS);
-    Ok(measure("timing_50", || TimedPath::new(path.clone(), &XARM7, &config.timing)))
+    let limits = MotionLimits {
+        velocity: PANDA.joints.map(|joint| f64::from(joint.max_velocity)),
+        acceleration: PANDA.joints.map(|joint| f64::from(joint.max_acceleration)),
+        jerk: Some(JERK),
+    };
+    let grip = GripSpeedLimit { robot: &PANDA, max_speed: 0.5 };
+    time_optimal(&SmoothPath::through(&path), &limits, Some(&grip))?;
+    Ok(measure("timing_50", || time_optimal(&SmoothPath::through(&path), &limits, Some(&grip))))
 }

@@ -1,0 +1,221 @@
+//! Planning and kinematics on the command line: built-in arms and arms in files.
+
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use crate::lpr::{Folder, json, refusal};
+use serde_json::{Value, json as value};
+
+/// Three joints that turn about the vertical, 0.4 m apart, with a ball at every joint and at the tip.
+const PLANAR_ARM: &str = r#"<robot name="planar">
+  <link name="base"/>
+  <link name="upper"><collision><origin xyz="0.2 0 0"/><geometry><sphere radius="0.05"/></geometry></collision></link>
+  <link name="lower"><collision><origin xyz="0.2 0 0"/><geometry><sphere radius="0.05"/></geometry></collision></link>
+  <link name="wrist"><collision><origin xyz="0.1 0 0"/><geometry><sphere radius="0.05"/></geometry></collision></link>
+  <link name="tool"/>
+  <joint name="j1" type="revolute"><parent link="base"/><child link="upper"/><origin xyz="0 0 0.5"/>
+    <axis xyz="0 0 1"/><limit lower="-3" upper="3" velocity="1" effort="1"/></joint>
+  <joint name="j2" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0.4 0 0"/>
+    <axis xyz="0 0 1"/><limit lower="-2.5" upper="2.5" velocity="1" effort="1"/></joint>
+  <joint name="j3" type="revolute"><parent link="lower"/><child link="wrist"/><origin xyz="0.4 0 0"/>
+    <axis xyz="0 0 1"/><limit lower="-2.5" upper="2.5" velocity="1" effort="1"/></joint>
+  <joint name="j4" type="fixed"><parent link="wrist"/><child link="tool"/><origin xyz="0.2 0 0"/></joint>
+</robot>"#;
+
+/// A start beside a post, with the goal on its other side.
+fn around_a_post() -> Value {
+    value!({
+        "name": "post",
+        "start": [-0.8, 0.2, 0, 1.0, 0, 1.2, 0],
+        "goals": [[0.8, 0.2, 0, 1.0, 0, 1.2, 0]],
+        "capsules": [{"a": [0.45, 0, 0], "b": [0.45, 0, 0.6], "radius": 0.03}],
+        "cuboids": [{"center": [0.4, 0, -0.05], "rotation_xyzw": [0, 0, 0, 1], "half_extents": [0.1, 0.1, 0.04]}],
+        "spheres": [{"center": [0, 0.9, 0.9], "radius": 0.1}],
+        "cylinders": [{"center": [-0.6, 0, 0.3], "rotation_xyzw": [0, 0, 0, 1], "radius": 0.1, "half_length": 0.3}],
+        "points": [[0.45, 0.0, 0.62]],
+        "point_radius": 0.02,
+    })
+}
+
+fn plan(folder: &Folder, problems: &[Value], options: &[&str]) -> Value {
+    let file = folder.write("problems.json", value!({"robot": "xarm7", "problems": problems}).to_string());
+    let mut report = json(&[&["plan", "--problems", &file], options].concat());
+    for result in report["results"].as_array_mut().unwrap() {
+        for key in ["planning_micros", "simplify_micros", "world_micros"] {
+            assert!(result[key].as_f64().is_none_or(|micros| micros > 0.0));
+            result.as_object_mut().unwrap().remove(key);
+        }
+    }
+    report
+}
+
+#[test]
+fn a_plan_leads_around_a_post_and_is_shorter_simplified() {
+    let folder = Folder::new();
+    let report = plan(&folder, &[around_a_post()], &["--repeats", "2"]);
+    let result = &report["results"][0];
+    assert_eq!(result["solved"], true, "{report}");
+    assert_eq!((&result["planner"], &result["reason"]), (&value!("rrt-connect"), &Value::Null));
+    assert!(result["checks"].as_u64().unwrap() > 8 && result["iterations"].as_u64().unwrap() > 0);
+    let path = result["path"].as_array().unwrap();
+    assert!(path.len() > 2, "the straight way is blocked");
+    for (end, expected) in [(0, &around_a_post()["start"]), (path.len() - 1, &around_a_post()["goals"][0])] {
+        for (found, expected) in path[end].as_array().unwrap().iter().zip(expected.as_array().unwrap()) {
+            assert!((found.as_f64().unwrap() - expected.as_f64().unwrap()).abs() < 1e-6);
+        }
+    }
+    let again = plan(&folder, &[around_a_post()], &[]);
+    assert_eq!(again["results"], report["results"], "the same seed");
+    let simple = plan(&folder, &[around_a_post()], &["--simplify"]);
+    assert!(simple["results"][0]["cost"].as_f64().unwrap() <= result["cost"].as_f64().unwrap());
+    assert_eq!(simple["summary"]["solved"], 1);
+    assert!(simple["summary"]["median_micros"].as_f64() <= simple["summary"]["median_total_micros"].as_f64());
+}
+
+#[test]
+fn problems_that_none_can_solve_say_why() {
+    let with = |name: &str, key: &str, replaced: Value| {
+        let mut problem = around_a_post();
+        problem["name"] = name.into();
+        problem[key] = replaced;
+        problem
+    };
+    let inside = value!([0.0, 0.2, 0, 1.0, 0, 1.2, 0]);
+    let far = value!([0.0, 9.0, 0, 1.0, 0, 1.2, 0]);
+    let problems = [
+        with("start_collides", "start", inside.clone()),
+        with("goal_collides", "goals", value!([inside])),
+        with("outside_limits", "goals", value!([far])),
+        with("outside_limits", "start", far),
+        with("unreachable", "goals", value!([])),
+    ];
+    let report = plan(&Folder::new(), &problems, &[]);
+    for result in report["results"].as_array().unwrap() {
+        assert_eq!((&result["solved"], &result["path"]), (&value!(false), &Value::Null));
+        assert_eq!(result["reason"], result["name"]);
+    }
+    assert_eq!((&report["summary"]["solved"], &report["summary"]["invalid"]), (&value!(0), &value!(4)));
+}
+
+#[test]
+fn an_arm_in_a_file_has_kinematics_and_plans() {
+    let folder = Folder::new();
+    let arm = folder.write("planar.urdf", PLANAR_ARM);
+    let configs = folder.write("configs.json", r#"{"configs": [[0, 0, 0], [1.5707963, 0, 0], [0, 1.5707963, 0]]}"#);
+    let poses = json(&["fk", "--robot", &arm, "--configs", &configs]);
+    for (pose, expected) in poses["poses"].as_array().unwrap().iter().zip([[1.0, 0.0], [0.0, 1.0], [0.4, 0.6]]) {
+        for (axis, expected) in [(0, expected[0]), (1, expected[1]), (2, 0.5)] {
+            assert!((pose["position"][axis].as_f64().unwrap() - expected).abs() < 1e-6, "{pose}");
+        }
+    }
+    let file = folder.write("poses.json", value!({"poses": [poses["poses"][2]]}).to_string());
+    let found = json(&["ik", "--robot", &arm, "--poses", &file, "--solutions", "2"]);
+    let solutions = &found["results"][0]["solutions"];
+    assert_eq!(solutions.as_array().unwrap().len(), 2, "elbow left and right: {found}");
+    let file = folder.write("back.json", value!({"configs": solutions}).to_string());
+    for pose in json(&["fk", "--robot", &arm, "--configs", &file])["poses"].as_array().unwrap() {
+        assert!((pose["position"][0].as_f64().unwrap() - 0.4).abs() < 2e-4, "{pose}");
+    }
+    let problem = value!({"robot": "planar", "problems": [
+        {"name": "turn", "start": [-1, 0, 0], "goals": [[1, 0, 0]], "spheres": [{"center": [0.8, 0, 0.5], "radius": 0.1}]},
+    ]});
+    let file = folder.write("planar.json", problem.to_string());
+    let report = json(&["plan", "--robot", &arm, "--problems", &file]);
+    assert_eq!(report["results"][0]["solved"], true, "{report}");
+    assert_eq!(report["results"][0]["path"][0].as_array().unwrap().len(), 3);
+}
+
+#[test]
+fn a_description_with_the_closed_form_of_a_built_in_arm_has_it_with_its_own_limits() {
+    // The Panda's frames as its vendor rounds them; the second joint is free to one side only.
+    let joints = [
+        ("0 0 0.333", "0 0 0", -2.9),
+        ("0 0 0", "-1.5708 0 0", 0.0),
+        ("0 -0.316 0", "1.5708 0 0", -2.9),
+        ("0.0825 0 0", "1.5708 0 0", -3.0),
+        ("-0.0825 0.384 0", "-1.5708 0 0", -2.9),
+        ("0 0 0", "1.5708 0 0", -0.1),
+        ("0.088 0 0", "1.5708 0 0", -2.9),
+    ];
+    let links: String = (0..9).map(|i| format!(r#"<link name="link{i}"/>"#)).collect();
+    let joints = joints.iter().enumerate().map(|(i, (xyz, rpy, lower))| {
+        format!(
+            r#"<joint name="j{i}" type="revolute"><parent link="link{i}"/><child link="link{}"/><origin xyz="{xyz}" rpy="{rpy}"/>
+            <axis xyz="0 0 1"/><limit lower="{lower}" upper="{}" velocity="2" effort="9"/></joint>"#,
+            i + 1,
+            if i == 3 { 0.0 } else { 2.9 },
+        )
+    });
+    let joints: String = joints.collect();
+    let flange = r#"<joint name="j8" type="fixed"><parent link="link7"/><child link="link8"/><origin xyz="0 0 0.107"/></joint>"#;
+    let folder = Folder::new();
+    let arm = folder.write("arm.urdf", format!(r#"<robot name="like-a-panda">{links}{joints}{flange}</robot>"#));
+    let poses = folder.write("poses.json", r#"{"poses": [{"position": [0.45, 0.1, 0.5], "rotation_xyzw": [1, 0, 0, 0]}]}"#);
+    let solutions =
+        |robot: &str| json(&["ik", "--robot", robot, "--poses", &poses, "--solutions", "20"])["results"][0]["solutions"].clone();
+    let (built_in, described) = (solutions("panda"), solutions(&arm));
+    let is_on_its_side = |config: &Value| config[1].as_f64().unwrap() >= 0.0;
+    assert_eq!((built_in.as_array().unwrap().len(), described.as_array().unwrap().len()), (20, 20));
+    assert!(!built_in.as_array().unwrap().iter().all(is_on_its_side));
+    assert!(described.as_array().unwrap().iter().all(is_on_its_side), "{described}");
+}
+
+#[test]
+fn files_for_planning_are_refused_by_their_field() {
+    let folder = Folder::new();
+    let refused = |problem: Value| {
+        let file = folder.write("a.json", value!({"robot": "xarm7", "problems": [problem]}).to_string());
+        let error = refusal(&["plan", "--problems", &file], 1);
+        error.strip_prefix(&format!("{file}: ")).unwrap_or_else(|| panic!("{error}")).to_owned()
+    };
+    let with = |key: &str, replaced: Value| {
+        let mut problem = around_a_post();
+        problem[key] = replaced;
+        refused(problem)
+    };
+    let unit = value!([0, 0, 0, 1]);
+    for (error, says) in [
+        (with("start", value!([0, 0])), "problems[0].start: has 2 joint angles, xarm7 has 7"),
+        (with("goals", value!([[0, 0, 0, 0, 0, 0, 0], []])), "problems[0].goals[1]: has 0 joint angles"),
+        (with("start", value!([0, 0, 0, 1e39, 0, 0, 0])), "problems[0].start[3]"),
+        (with("spheres", value!([{"center": [0, 0, 0], "radius": -1}])), "problems[0].spheres[0].radius: is -1"),
+        (with("capsules", value!([{"a": [0, 0, 1e39], "b": [0, 0, 0], "radius": 1}])), "problems[0].capsules[0].a"),
+        (
+            with("cuboids", value!([{"center": [0, 0, 0], "rotation_xyzw": [0, 0, 0, 2], "half_extents": [1, 1, 1]}])),
+            "problems[0].cuboids[0].rotation_xyzw: has norm 2",
+        ),
+        (
+            with("cylinders", value!([{"center": [0, 0, 0], "rotation_xyzw": unit, "radius": 1, "half_length": -2}])),
+            "problems[0].cylinders[0].half_length: is -2",
+        ),
+        (with("point_radius", value!(-0.1)), "problems[0].point_radius: is -0.1"),
+        (with("walls", value!([])), "problems[0].walls: unknown field"),
+    ] {
+        assert!(error.contains(says), "{error} instead of {says}");
+    }
+}
+
+#[test]
+fn descriptions_that_are_broken_or_do_not_go_with_the_arm_are_refused() {
+    let folder = Folder::new();
+    let configs = folder.write("a.json", r#"{"configs": []}"#);
+    let refused = |urdf: &str| {
+        let file = folder.write("a.urdf", urdf);
+        refusal(&["fk", "--robot", &file, "--configs", &configs], 1)
+    };
+    for (urdf, says) in [
+        (PLANAR_ARM.replace(r#"<parent link="upper"/>"#, r#"<parent link="arm"/>"#), "arm"),
+        (PLANAR_ARM.replace(r#"<sphere radius="0.05"/>"#, r#"<mesh filename="package://planar/none.stl"/>"#), "none.stl"),
+        (PLANAR_ARM.replace(r#"<sphere radius="0.05"/>"#, r#"<teapot radius="0.05"/>"#), "teapot"),
+        (PLANAR_ARM.replace(r#"lower="-3""#, r#"lower="NaN""#), "lower"),
+        (PLANAR_ARM[..PLANAR_ARM.len() - 8].to_owned(), "URDF"),
+    ] {
+        let error = refused(&urdf);
+        assert!(error.contains(says) && error.contains("a.urdf"), "{error} instead of {says}");
+    }
+    let srdf = ["fk", "--robot", "panda", "--srdf", "a.srdf", "--configs", &configs];
+    assert!(refusal(&srdf, 2).contains("--srdf: only for a URDF file"));
+    let planner = ["plan", "--problems", &configs, "--planner", "guess"];
+    assert!(refusal(&planner, 2).contains("guess"));
+    let range = ["plan", "--problems", &configs, "--range", "0"];
+    assert!(refusal(&range, 2).contains("above 0"));
+}
