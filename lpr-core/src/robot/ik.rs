@@ -98,10 +98,12 @@ impl Robot {
                 continue;
             }
             has_solutions[sample] = true;
-            // One branch of each q7 first, so that few solutions already cover many q7.
-            let chosen = rng.random_range(0..branches.len());
+            // Two branches of each q7 first, as far apart in their order as can be: few solutions already cover many q7.
+            let n_branches = branches.len();
+            let first = rng.random_range(0..n_branches);
+            let chosen = [first, (first + n_branches / 2) % n_branches];
             for (i, config) in branches.iter().enumerate() {
-                if i == chosen { distinct.offer(config) } else { others.push(config) }
+                if chosen.contains(&i) { distinct.offer(config) } else { others.push(config) }
             }
         }
         others.into_iter().for_each(|config| distinct.offer(config));
@@ -170,12 +172,12 @@ fn packed(mut all: Vec<JointConfig>, scattered: Distinct) -> Vec<JointConfig> {
     if packed.solutions.len() > scattered.solutions.len() { packed.solutions } else { scattered.solutions }
 }
 
-/// Whether some joint differs by more than `min_distance` radians modulo 2π.
+/// Whether some joint differs by more than `min_distance` radians modulo 2π; no joint has more than two turns.
 fn differ(a: &JointConfig, b: &JointConfig, min_distance: f32) -> bool {
     const TURN: f32 = core::f32::consts::TAU;
     a.iter().zip(b.iter()).any(|(a, b)| {
-        let difference = a - b;
-        (difference - TURN * libm::rintf(difference / TURN)).abs() > min_distance
+        let difference = (a - b).abs();
+        [0.0, TURN, 2.0 * TURN].iter().all(|turns| (difference - turns).abs() > min_distance)
     })
 }
 

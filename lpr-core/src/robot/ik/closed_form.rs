@@ -7,13 +7,15 @@
 //! - what remains is the shoulder's rotation `Rz(q1) Ry(q2) Rz(q3)`: two roots.
 
 use super::super::{DOF, Joint, JointConfig, Robot};
-use core::f64::consts::TAU;
+use core::f64::consts::{PI, TAU};
 use glamx::{DMat3, DPose3, DQuat, DVec3, Pose3};
 
 /// Most solutions at one `q7`.
 const MAX_BRANCHES: usize = 8;
 /// Distance by which a pose may lie beyond the reach and still counts as stretched out, metres: rounding of f32 poses.
 const REACH_SLACK: f64 = 3e-7;
+/// Most by which the hand may be off where that slack was made use of, metres.
+const EXACT: f64 = 5e-5;
 /// Angle by which a solution may lie beyond a limit and is moved onto it, radians: rounding of f32 poses.
 const LIMIT_SLACK: f64 = 5e-7;
 /// Sine or lever (metres) below which an angle is undetermined and taken from the reference configuration.
@@ -108,20 +110,43 @@ impl<'r> Target<'r> {
         let world_from_6 = untwist(unturn(self.rotation, (sin7, cos7)), sign(joint7));
         let shoulder_in_6 = -(world_from_6.transpose() * shoulder_to_wrist);
 
-        for elbow in self.elbow_roots(shoulder_to_wrist.length()) {
+        let elbows = self.elbow_roots(shoulder_to_wrist.length());
+        let is_stretched = elbows.len() == 1;
+        for elbow in elbows {
             let Some(q4) = fit(joint4, elbow, near[3]) else { continue };
             let after_elbow = self.shoulder_in_5(elbow);
-            for wrist in wrist_roots(shoulder_in_6, after_elbow.z - joint5.d, near[5]) {
+            let wrists = wrist_roots(shoulder_in_6, after_elbow.z - joint5.d, near[5]);
+            let is_touching = is_stretched || wrists.len() == 1;
+            for wrist in wrists {
                 let Some(q6) = fit(joint6, wrist, near[5]) else { continue };
                 let swing = swing(shoulder_in_6, wrist, after_elbow.x, near[4]);
                 let Some(q5) = fit(joint5, swing, near[4]) else { continue };
                 let world_from_5 = untwist(unturn(world_from_6, wrist), sign(joint6));
                 let world_from_4 = untwist(unturn(world_from_5, swing), sign(joint5));
                 let world_from_3 = untwist(unturn(world_from_4, elbow), sign(joint4));
+                let first = branches.len;
                 self.push_shoulder(&mut branches, world_from_3, [q4, q5, q6, q7], near);
+                if is_touching {
+                    self.keep_exact(&mut branches, first);
+                }
             }
         }
         branches
+    }
+
+    /// Where two roots meet, the slack for rounding moves the hand by its square root: solutions that are off by more than
+    /// [`EXACT`] are dropped, those before `first` left as they are.
+    fn keep_exact(&self, branches: &mut IkBranches, first: usize) {
+        let mut kept = first;
+        for i in first..branches.len {
+            let angles = branches.angles[i];
+            let wrist = self.robot.frames_at(&angles)[DOF - 1].translation - DVec3::new(0.0, 0.0, self.robot.joints[0].d);
+            if (wrist - self.from_shoulder).length() <= EXACT {
+                branches.angles[kept] = angles;
+                kept += 1;
+            }
+        }
+        branches.len = kept;
     }
 
     /// Sine and cosine of the two elbow angles that put the wrist at `distance` from the shoulder.
@@ -144,12 +169,7 @@ impl<'r> Target<'r> {
     }
 
     fn push_shoulder(&self, branches: &mut IkBranches, rotation: DMat3, [q4, q5, q6, q7]: [f64; 4], near: &Angles) {
-        for (q1, q2) in shoulder_roots(rotation, near[0]) {
-            let (sin1, cos1) = libm::sincos(q1);
-            let q3 = libm::atan2(
-                cos1 * rotation.x_axis.y - sin1 * rotation.x_axis.x,
-                cos1 * rotation.y_axis.y - sin1 * rotation.y_axis.x,
-            );
+        for [q1, q2, q3] in shoulder_roots(rotation, near[0]) {
             let [joint1, joint2, joint3, ..] = &self.robot.joints;
             let shoulder = (wind(joint1, q1, near[0]), wind(joint2, q2, near[1]), wind(joint3, q3, near[2]));
             if let (Some(q1), Some(q2), Some(q3)) = shoulder {
@@ -198,18 +218,25 @@ fn swing(shoulder_in_6: DVec3, (sin6, cos6): SinCos, lever: f64, near: f64) -> S
     if length < SINGULAR { libm::sincos(near) } else { (across / length, along / length) }
 }
 
-/// `(q1, q2)` of the two ways to write a rotation as `Rz(q1) Ry(q2) Rz(q3)`.
-fn shoulder_roots(rotation: DMat3, near: f64) -> impl Iterator<Item = (f64, f64)> {
+/// `[q1, q2, q3]` of the two ways to write a rotation as `Rz(q1) Ry(q2) Rz(q3)`.
+fn shoulder_roots(rotation: DMat3, near: f64) -> [[f64; 3]; 2] {
     let axis = rotation.z_axis;
     let sin2 = libm::sqrt(axis.x * axis.x + axis.y * axis.y);
     let q2 = libm::atan2(sin2, axis.z);
-    let roots = if sin2 < SINGULAR {
-        // Only q1 + q3 is determined; the second value serves when the first leaves q3 outside its limits.
-        [(near, q2), (near + 1.0, q2)]
-    } else {
-        [(libm::atan2(axis.y, axis.x), q2), (libm::atan2(-axis.y, -axis.x), -q2)]
+    let q3 = |(sin1, cos1): SinCos| {
+        libm::atan2(cos1 * rotation.x_axis.y - sin1 * rotation.x_axis.x, cos1 * rotation.y_axis.y - sin1 * rotation.y_axis.x)
     };
-    roots.into_iter()
+    if sin2 < SINGULAR {
+        // Only q1 + q3 is determined; the second value serves when the first leaves q3 outside its limits.
+        return [near, near + 1.0].map(|q1| [q1, q2, q3(libm::sincos(q1))]);
+    }
+    let (q1, q3) = (libm::atan2(axis.y, axis.x), q3((axis.y / sin2, axis.x / sin2)));
+    [[q1, q2, q3], [opposite(q1), -q2, opposite(q3)]]
+}
+
+/// The angle half a turn away, within ±π.
+const fn opposite(angle: f64) -> f64 {
+    if angle > 0.0 { angle - PI } else { angle + PI }
 }
 
 /// Sine of a joint's twist of ±π/2.
@@ -233,7 +260,12 @@ fn fit(joint: &Joint, (sin, cos): SinCos, near: f64) -> Option<f64> {
 
 /// The winding of `angle` within the limits that is nearest `near`.
 fn wind(joint: &Joint, angle: f64, near: f64) -> Option<f64> {
-    let nearest = angle + TAU * libm::rint((near - angle) / TAU);
+    // Within a turn and a half, as nearly always, without a division.
+    let nearest = match near - angle {
+        away if away.abs() <= PI => angle,
+        away if away.abs() <= 3.0 * PI => angle + TAU.copysign(away),
+        away => angle + TAU * libm::rint(away / TAU),
+    };
     let outwards = if nearest < near { TAU } else { -TAU };
     [0.0, outwards, -outwards, 2.0 * outwards, -2.0 * outwards].into_iter().find_map(|turn| within(joint, nearest + turn))
 }
