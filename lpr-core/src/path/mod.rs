@@ -5,9 +5,12 @@ mod bezier;
 mod candidates;
 mod follow;
 mod linear;
+mod plan;
 mod rrt_connect;
 mod shortcut;
 mod simplify;
+#[cfg(test)]
+mod test_scenes;
 mod timing;
 mod tree;
 
@@ -19,7 +22,8 @@ pub use candidates::{CandidatePath, CandidateSet, CandidateSettings, CandidateSt
 #[cfg(feature = "sim")]
 pub(crate) use linear::linear_path_in;
 pub use linear::{LINEAR_STEPS, linear_path};
-pub use rrt_connect::{FINER, Plan, RrtSettings, rrt_connect};
+pub use plan::{FINER, Plan};
+pub use rrt_connect::{RrtSettings, rrt_connect};
 pub use shortcut::shortcut;
 pub use simplify::simplify;
 pub use timing::{TimedPath, TimingSettings};
