@@ -4,9 +4,11 @@ mod baseline;
 mod bezier;
 mod candidates;
 mod follow;
+mod kpiece;
 mod linear;
 mod plan;
 mod rrt_connect;
+mod sbl;
 mod shortcut;
 mod simplify;
 #[cfg(test)]
@@ -19,11 +21,13 @@ pub use bezier::{BezierCurve, BezierSettings};
 #[cfg(feature = "sim")]
 pub(crate) use candidates::map_in_order;
 pub use candidates::{CandidatePath, CandidateSet, CandidateSettings, CandidateStreams, PathQuery, RejectedPath, candidates};
+pub use kpiece::{KpieceSettings, kpiece};
 #[cfg(feature = "sim")]
 pub(crate) use linear::linear_path_in;
 pub use linear::{LINEAR_STEPS, linear_path};
 pub use plan::{FINER, Plan};
 pub use rrt_connect::{RrtSettings, rrt_connect};
+pub use sbl::{SblSettings, sbl};
 pub use shortcut::shortcut;
 pub use simplify::simplify;
 pub use timing::{TimedPath, TimingSettings};
