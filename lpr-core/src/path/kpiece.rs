@@ -48,7 +48,7 @@ impl KpieceSettings {
     ///
     /// Shares and scores as in the Open Motion Planning Library's BKPIECE1; range and cell by trial on 210 problems of
     /// MotionBenchMaker.
-    pub const STANDARD: Self = Self { range: 1.0, cell: 0.5, exterior_share: 0.9, failure_score: 0.5, max_iterations: 100_000 };
+    pub const STANDARD: Self = Self { range: 1.0, cell: 0.75, exterior_share: 0.9, failure_score: 0.5, max_iterations: 100_000 };
 }
 
 /// A free path from `start` to any of `goals`.

@@ -3,17 +3,21 @@
 mod baseline;
 mod bezier;
 mod candidates;
+mod course;
 mod follow;
 mod kpiece;
 mod linear;
 mod plan;
+mod planner;
 mod rrt_connect;
 mod sbl;
 mod shortcut;
 mod simplify;
+mod stomp;
 #[cfg(test)]
 mod test_scenes;
 mod timing;
+mod trajopt;
 mod tree;
 
 pub use baseline::{c2farm_path, linear_candidate};
@@ -26,11 +30,14 @@ pub use kpiece::{KpieceSettings, kpiece};
 pub(crate) use linear::linear_path_in;
 pub use linear::{LINEAR_STEPS, linear_path};
 pub use plan::{FINER, Plan};
+pub use planner::{PlannerKind, PlannerSettings, plan_with};
 pub use rrt_connect::{RrtSettings, rrt_connect};
 pub use sbl::{SblSettings, sbl};
 pub use shortcut::shortcut;
 pub use simplify::simplify;
+pub use stomp::{StompSettings, stomp};
 pub use timing::{TimedPath, TimingSettings};
+pub use trajopt::{TrajoptSettings, trajopt};
 
 use crate::error::{Error, Result};
 use crate::robot::JointConfig;
@@ -201,6 +208,8 @@ pub enum Rejection {
     GoalCollides,
     /// The planner used up its iterations.
     IterationLimit,
+    /// No optimisation ended with a free path.
+    OptimizationFailed,
     /// Fewer distinct goal configurations exist than were asked for.
     TooFewGoals,
     /// The policy's path is longer than the mean of the others (section IV-B).
@@ -220,6 +229,7 @@ impl Rejection {
             Self::StartCollides => "start_collides",
             Self::GoalCollides => "goal_collides",
             Self::IterationLimit => "iteration_limit",
+            Self::OptimizationFailed => "optimization_failed",
             Self::TooFewGoals => "too_few_goals",
             Self::LongerThanMean => "longer_than_mean",
             Self::OutsideLimits => "outside_limits",

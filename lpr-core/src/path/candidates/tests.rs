@@ -16,6 +16,7 @@ fn settings() -> CandidateSettings {
         planner_collision_free_fraction: 0.5,
         draws_per_path: 5,
         min_goal_distance: 0.2,
+        planner: PlannerKind::RrtConnect,
         rrt: RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 500 },
         bezier: BezierSettings { sigma: 0.1 },
     }

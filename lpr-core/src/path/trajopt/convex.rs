@@ -1,0 +1,142 @@
+//! The convex problem of one step, solved in its dual.
+//!
+//! ```text
+//! minimise  w/2 Σ |x_t+1 - x_t|²  +  μ Σ max(0, v_i - a_i · x)      with  low ≤ x ≤ high
+//! ```
+//!
+//! With a multiplier `0 ≤ λ_i ≤ μ` for every gap and `ν` for every bound, the best path is the straight one, pushed:
+//! `x = straight + K⁻¹ (Σ λ_i a_i - ν) / w`. Each multiplier in turn takes its best value (coordinate ascent, as of Hildreth
+//! 1957), and the path follows. `w` is the number of edges: the first sum is then the square of a straight path's length.
+
+use super::super::course::{Touch, clamped, compliance, shift, straight_course};
+use crate::robot::{DOF, JointConfig};
+
+/// Radians by which no waypoint moves any more when the multipliers have converged.
+const CONVERGED: f32 = 1e-4;
+
+/// Half the weighted sum of squared differences between neighbours, radians².
+pub(super) fn energy(course: &[JointConfig]) -> f32 {
+    let squares = course.windows(2).map(|pair| pair[0].distance(&pair[1]) * pair[0].distance(&pair[1]));
+    0.5 * (course.len() - 1) as f32 * squares.sum::<f32>()
+}
+
+/// A gap as a linear function of the path.
+#[derive(Debug)]
+struct Row {
+    edge: usize,
+    fraction: f32,
+    gradient: [f32; DOF],
+    /// `v` above: how far the gap would be short with all joints at 0, metres.
+    level: f32,
+    /// How far every waypoint, the ends included, goes along the gradient for a unit of the multiplier.
+    response: Vec<f32>,
+    /// By how much that widens the gap, metres.
+    curvature: f32,
+}
+
+/// A convex problem.
+#[derive(Debug)]
+pub(super) struct Convex {
+    rows: Vec<Row>,
+    penalty: f32,
+}
+
+impl Convex {
+    /// The cost near `course`, with what is near it.
+    pub(super) fn new(course: &[JointConfig], near: &[Touch], safe_distance: f32, penalty: f32) -> Self {
+        let rows = near.iter().map(|touch| Row::new(course, touch, safe_distance)).filter(|row| row.curvature > 0.0);
+        Self { rows: rows.collect(), penalty }
+    }
+
+    /// Its value on `course`.
+    pub(super) fn cost(&self, course: &[JointConfig]) -> f32 {
+        energy(course) + self.penalty * self.rows.iter().map(|row| row.shortfall(course).max(0.0)).sum::<f32>()
+    }
+
+    /// The best course within `limits` none of whose joints is further than `trust` (radians) from that of `course`; nearly so
+    /// after a limited number of `sweeps`.
+    pub(super) fn solve(&self, course: &[JointConfig], trust: f32, limits: &[(f32, f32); DOF], sweeps: u32) -> Vec<JointConfig> {
+        let n = course.len() - 2;
+        let bounds: Vec<[(f32, f32); DOF]> = course.iter().map(|config| trusted(config, trust, limits)).collect();
+        let mut x = straight_course(&course[0], &[], &course[n + 1], n);
+        let mut multipliers = vec![0.0; self.rows.len()];
+        let mut holds = vec![[0.0; DOF]; n + 2];
+        for _ in 0..sweeps {
+            let mut moved: f32 = 0.0;
+            for (row, multiplier) in self.rows.iter().zip(&mut multipliers) {
+                moved = moved.max(row.ascend(&mut x, multiplier, self.penalty));
+            }
+            for k in 1..=n {
+                moved = moved.max(hold(&mut x, k, &bounds[k], &mut holds[k]));
+            }
+            if moved < CONVERGED {
+                break;
+            }
+        }
+        x.iter().zip(&bounds).map(|(config, bounds)| clamped(config, bounds)).collect()
+    }
+}
+
+/// The part of the box around `config` that is within the limits; `config` itself, where it is not.
+fn trusted(config: &JointConfig, trust: f32, limits: &[(f32, f32); DOF]) -> [(f32, f32); DOF] {
+    core::array::from_fn(|j| {
+        let (low, high) = (limits[j].0.min(config[j]), limits[j].1.max(config[j]));
+        ((config[j] - trust).max(low), (config[j] + trust).min(high))
+    })
+}
+
+impl Row {
+    fn new(course: &[JointConfig], touch: &Touch, safe_distance: f32) -> Self {
+        let Touch { edge, fraction, proximity } = *touch;
+        let n = course.len() - 2;
+        let weight = 1.0 / (n + 1) as f32;
+        let follow = |i: usize| weight * ((1.0 - fraction) * compliance(n, i, edge) + fraction * compliance(n, i, edge + 1));
+        let response: Vec<f32> = (0..n + 2).map(follow).collect();
+        let slope: f32 = proximity.gradient.iter().map(|g| g * g).sum();
+        let curvature = slope * ((1.0 - fraction) * response[edge] + fraction * response[edge + 1]);
+        let mut row = Self { edge, fraction, gradient: proximity.gradient, level: 0.0, response, curvature };
+        row.level = safe_distance - proximity.distance - row.shortfall(course);
+        row
+    }
+
+    /// How far the gap is short, metres; negative when it is wider than it has to be.
+    fn shortfall(&self, course: &[JointConfig]) -> f32 {
+        let config = course[self.edge].lerp(&course[self.edge + 1], self.fraction);
+        self.level - config.iter().zip(&self.gradient).map(|(q, g)| q * g).sum::<f32>()
+    }
+
+    /// Sets the multiplier to its best value, which moves the course; returns how far, radians.
+    fn ascend(&self, x: &mut [JointConfig], multiplier: &mut f32, penalty: f32) -> f32 {
+        let best = (*multiplier + self.shortfall(x) / self.curvature).clamp(0.0, penalty);
+        let change = best - *multiplier;
+        *multiplier = best;
+        let mut most: f32 = 0.0;
+        if change != 0.0 {
+            for (config, response) in x.iter_mut().zip(&self.response) {
+                shift(config, &self.gradient, change * response);
+                most = most.max((change * response).abs());
+            }
+        }
+        most
+    }
+}
+
+/// Sets the multipliers of the bounds on waypoint `k` to their best values; returns how far that moves the course, radians.
+fn hold(x: &mut [JointConfig], k: usize, bounds: &[(f32, f32); DOF], multipliers: &mut [f32; DOF]) -> f32 {
+    let n = x.len() - 2;
+    let weight = 1.0 / (n + 1) as f32;
+    let curvature = weight * compliance(n, k, k);
+    let unheld = JointConfig(core::array::from_fn(|j| x[k][j] + multipliers[j] * curvature));
+    let held = clamped(&unheld, bounds);
+    let changes: [f32; DOF] = core::array::from_fn(|j| (unheld[j] - held[j]) / curvature - multipliers[j]);
+    let most = changes.iter().fold(0.0, |most: f32, change| most.max(change.abs())) * curvature;
+    if most > 0.0 {
+        for (i, config) in x.iter_mut().enumerate() {
+            shift(config, &changes, -weight * compliance(n, i, k));
+        }
+        for (multiplier, change) in multipliers.iter_mut().zip(changes) {
+            *multiplier += change;
+        }
+    }
+    most
+}
