@@ -39,8 +39,8 @@ pub struct RrtSettings {
 
 /// A free path from `start` to any of `goals`.
 ///
-/// The path found is looked at once more, at [`FINER`](super::FINER) times the checker's resolution. Should it turn out to hit something
-/// between two checks, the search is repeated at that resolution.
+/// The path found is looked at once more, at [`FINER`](super::FINER) times the checker's resolution. Should it turn out to hit
+/// something between two checks, the search is repeated at that resolution.
 ///
 /// # Errors
 ///

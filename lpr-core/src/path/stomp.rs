@@ -7,7 +7,6 @@
 //! - Obstacle costs are summed over pairs of a link and an obstacle, by the nearest sphere, and not weighted with its speed. They
 //!   are also seen between waypoints, and count for the nearest one.
 //! - The matrix of second differences ends at the fixed ends, so that its inverse is known in closed form.
-//! - No copies are kept from one step to the next, and the noise shrinks.
 //! - It ends with the first path that is free, and begins anew through random configurations (see
 //!   [`StompSettings::beginnings`]).
 
@@ -29,10 +28,10 @@ pub struct StompSettings {
     pub looks: usize,
     /// Noisy copies of every step (`K` in the paper).
     pub copies: usize,
-    /// Standard deviation of the noise in the middle of the path at the first step, radians.
+    /// Best copies that also count in the step after.
+    pub kept_copies: usize,
+    /// Standard deviation of the noise in the middle of the path, radians.
     pub noise: f32,
-    /// What the noise is multiplied with after every step.
-    pub noise_decay: f32,
     /// How sharply better copies are preferred (`h` in the paper).
     pub sensitivity: f32,
     /// Gap that is kept to obstacles and other links (`ε` in the paper), metres.
@@ -50,8 +49,8 @@ impl StompSettings {
         waypoints: 30,
         looks: 2,
         copies: 12,
-        noise: 0.5,
-        noise_decay: 0.98,
+        kept_copies: 6,
+        noise: 0.25,
         sensitivity: 10.0,
         safe_distance: 0.03,
         steps: 60,
@@ -90,46 +89,49 @@ fn optimize(
     rng: &mut Rng,
 ) -> Optimized {
     let mut course = course.to_vec();
-    let mut noise = settings.noise;
+    let mut copies = Vec::new();
     for step in 1..=settings.steps {
-        improve(checker, &mut course, smoothing, noise, settings, rng);
+        improve(checker, &mut course, &mut copies, smoothing, settings, rng);
         if checker.path_is_free(&course) {
             return Optimized { course: Some(course), steps: step };
         }
-        noise *= settings.noise_decay;
     }
     Optimized { course: None, steps: settings.steps }
 }
 
-/// A noisy copy: what was added to every waypoint, and what each of them costs then.
+/// A noisy copy, and what each of its waypoints costs.
 struct Copy {
-    offsets: Vec<[f32; DOF]>,
+    course: Vec<JointConfig>,
     costs: Vec<f32>,
 }
 
-/// Moves every waypoint towards where it is cheaper, smoothly over the path.
+/// Moves every waypoint towards where it is cheaper, smoothly over the path. `copies` are the best of the step before, and
+/// become those of this one.
 fn improve(
     checker: &MotionChecker<'_>,
     course: &mut [JointConfig],
+    copies: &mut Vec<Copy>,
     smoothing: &Smoothing,
-    noise: f32,
     settings: &StompSettings,
     rng: &mut Rng,
 ) {
-    let copies: Vec<Copy> = (0..settings.copies)
-        .map(|_| {
-            let mut noisy = course.to_vec();
-            for (config, offset) in noisy[1..].iter_mut().zip(smoothing.noise(noise, rng)) {
-                shift(config, &offset, 1.0);
-                *config = clamped(config, checker.arm().limits());
-            }
-            let offsets = noisy.iter().zip(course.iter()).map(|(a, b)| core::array::from_fn(|j| a[j] - b[j])).collect();
-            Copy { offsets, costs: costs(checker, &noisy, settings) }
-        })
-        .collect();
-    let update: Vec<[f32; DOF]> = (1..course.len() - 1).map(|at| preferred(&copies, at, settings.sensitivity)).collect();
-    for (config, change) in course[1..].iter_mut().zip(smoothing.smooth(&update)) {
-        shift(config, &change, 1.0);
+    for _ in 0..settings.copies {
+        let mut noisy = course.to_vec();
+        add(&mut noisy, &smoothing.noise(settings.noise, rng), checker);
+        copies.push(Copy { costs: costs(checker, &noisy, settings), course: noisy });
+    }
+    let changes: Vec<[f32; DOF]> =
+        (1..course.len() - 1).map(|at| preferred(&course[at], copies, at, settings.sensitivity)).collect();
+    add(course, &smoothing.smooth(&changes), checker);
+    let total = |copy: &Copy| copy.costs.iter().sum::<f32>();
+    copies.sort_by(|a, b| total(a).total_cmp(&total(b)));
+    copies.truncate(settings.kept_copies);
+}
+
+/// Moves the waypoints between the ends, as far as the limits allow.
+fn add(course: &mut [JointConfig], changes: &[[f32; DOF]], checker: &MotionChecker<'_>) {
+    for (config, change) in course[1..].iter_mut().zip(changes) {
+        shift(config, change, 1.0);
         *config = clamped(config, checker.arm().limits());
     }
 }
@@ -144,8 +146,9 @@ fn costs(checker: &MotionChecker<'_>, course: &[JointConfig], settings: &StompSe
     costs
 }
 
-/// Mean of the copies' offsets at a waypoint, weighted with `exp(-h (S - min S) / (max S - min S))` of their costs `S` there.
-fn preferred(copies: &[Copy], at: usize, sensitivity: f32) -> [f32; DOF] {
+/// Mean of the offsets of the copies of `config`, the waypoint number `at`, weighted with
+/// `exp(-h (S - min S) / (max S - min S))` of their costs `S` there.
+fn preferred(config: &JointConfig, copies: &[Copy], at: usize, sensitivity: f32) -> [f32; DOF] {
     let low = copies.iter().fold(f32::INFINITY, |low, copy| copy.costs[at].min(low));
     let high = copies.iter().fold(0.0, |high: f32, copy| copy.costs[at].max(high));
     // Where all cost the same, the mean of the noise would only shake the path.
@@ -154,8 +157,8 @@ fn preferred(copies: &[Copy], at: usize, sensitivity: f32) -> [f32; DOF] {
     }
     let weights: Vec<f32> = copies.iter().map(|copy| libm::expf(-sensitivity * (copy.costs[at] - low) / (high - low))).collect();
     let total: f32 = weights.iter().sum();
-    let mean = |j: usize| copies.iter().zip(&weights).map(|(copy, weight)| weight / total * copy.offsets[at][j]).sum();
-    core::array::from_fn(mean)
+    let offset = |copy: &Copy, j: usize| copy.course[at][j] - config[j];
+    core::array::from_fn(|j| copies.iter().zip(&weights).map(|(copy, weight)| weight / total * offset(copy, j)).sum())
 }
 
 /// Noise and changes whose second differences are small: covariance and matrix `R⁻¹` in the paper, `R = K²` of
@@ -194,5 +197,53 @@ impl Smoothing {
     fn smooth(&self, changes: &[[f32; DOF]]) -> Vec<[f32; DOF]> {
         let sum = |row: &[f32], j: usize| row.iter().zip(changes).map(|(weight, change)| weight * change[j]).sum();
         self.rows.iter().map(|row| core::array::from_fn(|j| sum(row, j))).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::{Stream, stream};
+
+    const WAYPOINTS: usize = 9;
+
+    #[test]
+    fn noise_is_smooth_and_as_strong_in_the_middle_as_asked_for() {
+        let (smoothing, rng) = (Smoothing::new(WAYPOINTS), &mut stream(0, Stream::Planner, 0));
+        let n = 3000;
+        let (mut middle, mut first) = (0.0, 0.0);
+        for _ in 0..n {
+            let noise = smoothing.noise(0.5, rng);
+            middle += noise[WAYPOINTS / 2][0] * noise[WAYPOINTS / 2][0];
+            first += noise[0][0] * noise[0][0];
+        }
+        let deviation = libm::sqrtf(middle / n as f32);
+        assert!((deviation - 0.5).abs() < 0.03, "{deviation}");
+        // Towards the fixed ends it fades away.
+        assert!(libm::sqrtf(first / n as f32) < 0.25);
+    }
+
+    #[test]
+    fn smoothing_spreads_a_change_of_one_waypoint_without_growing_it() {
+        let smoothing = Smoothing::new(WAYPOINTS);
+        for at in 0..WAYPOINTS {
+            let mut changes = vec![[0.0; DOF]; WAYPOINTS];
+            changes[at] = [1.0; DOF];
+            let smooth = smoothing.smooth(&changes);
+            let most = smooth.iter().map(|change| change[0]).fold(0.0, f32::max);
+            assert!((most - 1.0 / WAYPOINTS as f32).abs() < 1e-6, "{most}");
+            assert!(smooth.iter().all(|change| change[0] > 0.0));
+        }
+    }
+
+    #[test]
+    fn a_waypoint_goes_to_where_copies_cost_less_and_stays_where_all_cost_the_same() {
+        let at = |q: f32| JointConfig([q; DOF]);
+        let copy = |offset: f32, cost: f32| Copy { course: vec![at(1.0 + offset)], costs: vec![cost] };
+        let copies = [copy(-0.4, 0.0), copy(0.2, 0.3), copy(0.3, 0.1)];
+        let preferred_at = |sensitivity| preferred(&at(1.0), &copies, 0, sensitivity)[0];
+        assert!((preferred_at(0.0) - 0.1 / 3.0).abs() < 1e-6);
+        assert!(preferred_at(10.0) < -0.3 && preferred_at(100.0) < preferred_at(10.0));
+        assert_eq!(preferred(&at(1.0), &[copy(0.1, 0.2), copy(0.3, 0.2)], 0, 10.0), [0.0; DOF]);
     }
 }

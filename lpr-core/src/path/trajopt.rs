@@ -1,4 +1,4 @@
-//! TrajOpt: a path improved by convex problems, each an approximation that is trusted near the path that it was made at.
+//! `TrajOpt`: a path improved by convex problems, each an approximation that is trusted near the path that it was made at.
 //!
 //! "Motion planning with sequential convex optimization and convex collision checking" (IJRR 2014):
 //!
@@ -78,15 +78,15 @@ impl TrajoptSettings {
         penalty: 20.0,
         penalty_growth: 10.0,
         growths: 2,
-        trust: 0.2,
+        trust: 0.3,
         least_trust: 1e-3,
         trust_growth: 1.5,
         trust_shrink: 0.2,
         accepted_gain: 0.25,
         least_gain: 1e-3,
-        sweeps: 40,
+        sweeps: 20,
         steps: 40,
-        beginnings: 8,
+        beginnings: 30,
     };
 }
 

@@ -140,3 +140,95 @@ fn hold(x: &mut [JointConfig], k: usize, bounds: &[(f32, f32); DOF], multipliers
     }
     most
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::{Stream, stream};
+    use crate::scene::Proximity;
+    use proptest::prelude::*;
+
+    const LIMITS: [(f32, f32); DOF] = [(-2.0, 2.0); DOF];
+    const WAYPOINTS: usize = 6;
+    /// Metres.
+    const SAFE_DISTANCE: f32 = 0.02;
+    /// Enough to converge.
+    const SWEEPS: u32 = 5000;
+
+    fn config() -> impl Strategy<Value = JointConfig> {
+        prop::array::uniform7(-1.5_f32..1.5).prop_map(JointConfig)
+    }
+
+    fn touch() -> impl Strategy<Value = Touch> {
+        let proximity = (-0.05_f32..0.05, prop::array::uniform7(-0.5_f32..0.5));
+        (0..=WAYPOINTS, 0.1_f32..1.0, proximity).prop_map(|(edge, fraction, (distance, gradient))| Touch {
+            edge,
+            fraction,
+            proximity: Proximity { distance, gradient },
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn no_course_nearby_is_better_than_the_solution(
+            course in prop::collection::vec(config(), WAYPOINTS + 2),
+            near in prop::collection::vec(touch(), 0..20),
+            trust in 0.02_f32..0.5,
+            penalty in 1.0_f32..100.0,
+            seed in 0..1000_u64,
+        ) {
+            let convex = Convex::new(&course, &near, SAFE_DISTANCE, penalty);
+            let solved = convex.solve(&course, trust, &LIMITS, SWEEPS);
+            prop_assert_eq!((solved[0], solved[WAYPOINTS + 1]), (course[0], course[WAYPOINTS + 1]));
+            for (config, from) in solved.iter().zip(&course) {
+                prop_assert!(config.max_joint_distance(from) <= trust + 1e-5);
+            }
+            let rng = &mut stream(seed, Stream::Planner, 0);
+            for scale in [0.3, 0.1, 0.03, 0.01] {
+                let mut other = solved.clone();
+                for k in 1..=WAYPOINTS {
+                    let moved = JointConfig(core::array::from_fn(|j| other[k][j] + scale * rng.random_range(-1.0_f32..1.0)));
+                    other[k] = clamped(&moved, &trusted(&course[k], trust, &LIMITS));
+                }
+                let slack = 1e-3 * (1.0 + convex.cost(&solved));
+                prop_assert!(convex.cost(&solved) <= convex.cost(&other) + slack);
+            }
+        }
+
+        #[test]
+        fn the_model_is_the_cost_itself_where_it_was_made(
+            course in prop::collection::vec(config(), WAYPOINTS + 2),
+            near in prop::collection::vec(touch(), 0..20),
+        ) {
+            // Gaps at the ends do not depend on the waypoints and are left out.
+            let near: Vec<Touch> = near.into_iter().filter(|touch| touch.edge < WAYPOINTS).collect();
+            let convex = Convex::new(&course, &near, SAFE_DISTANCE, 10.0);
+            let shortfalls: f32 = near.iter().map(|touch| touch.shortfall(SAFE_DISTANCE)).sum();
+            let expected = energy(&course) + 10.0 * shortfalls;
+            prop_assert!((convex.cost(&course) - expected).abs() < 1e-3 * (1.0 + expected));
+        }
+    }
+
+    #[test]
+    fn without_anything_near_and_enough_trust_the_solution_is_straight() {
+        let at = |q: f32| JointConfig([q; DOF]);
+        let bowed = [0.0, 0.5, 0.9, 0.4, 0.3].map(at);
+        let solved = Convex::new(&bowed, &[], SAFE_DISTANCE, 1.0).solve(&bowed, 1.0, &LIMITS, SWEEPS);
+        for (config, q) in solved.iter().zip([0.0, 0.075, 0.15, 0.225, 0.3]) {
+            assert!(config.max_joint_distance(&at(q)) < 1e-4, "{config:?}");
+        }
+    }
+
+    #[test]
+    fn a_gap_that_is_short_pushes_the_course_until_it_is_not() {
+        let at = |q: f32| JointConfig([q; DOF]);
+        let straight = [0.0, 0.1, 0.2, 0.3, 0.4].map(at);
+        let proximity = Proximity { distance: -0.01, gradient: [0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0] };
+        let near = [Touch { edge: 1, fraction: 1.0, proximity }];
+        let moved = |penalty| Convex::new(&straight, &near, SAFE_DISTANCE, penalty).solve(&straight, 1.0, &LIMITS, SWEEPS);
+        let (light, heavy) = (moved(0.1), moved(100.0));
+        let widened = |course: &[JointConfig]| 0.3 * (course[2][0] - straight[2][0]);
+        assert!((widened(&heavy) - 0.03).abs() < 1e-4, "{}", widened(&heavy));
+        assert!(widened(&light) > 0.0 && widened(&light) < 0.029, "{}", widened(&light));
+    }
+}
