@@ -51,11 +51,6 @@ pub(super) fn touches(checker: &MotionChecker<'_>, course: &[JointConfig], looks
     (1..last).flat_map(at_step).collect()
 }
 
-/// The configuration moved into `bounds`.
-pub(super) fn clamped(config: &JointConfig, bounds: &Bounds) -> JointConfig {
-    JointConfig(core::array::from_fn(|j| config[j].clamp(bounds[j].0, bounds[j].1)))
-}
-
 /// What an optimisation begins with.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Beginnings {
@@ -98,7 +93,7 @@ pub(super) fn optimize_beginnings(
 
 /// A free configuration, if some draws give one.
 fn free_sample(checker: &MotionChecker<'_>, bounds: &Bounds, rng: &mut Rng) -> Option<JointConfig> {
-    /// An arm among obstacles is free at more than every tenth configuration.
+    /// Where none of so many is free, the straight motion is tried again.
     const DRAWS: usize = 50;
     (0..DRAWS).map(|_| sample_within(bounds, rng)).find(|sample| checker.is_free(sample))
 }

@@ -200,7 +200,7 @@ fn neighbours(at: Coordinates) -> impl Iterator<Item = Coordinates> {
     (0..PROJECTED).flat_map(move |axis| {
         [-1, 1].map(|step| {
             let mut next = at;
-            next[axis] += step;
+            next[axis] = i32::saturating_add(next[axis], step);
             next
         })
     })

@@ -76,8 +76,14 @@ pub(super) fn sample_within(bounds: &Bounds, rng: &mut Rng) -> JointConfig {
     JointConfig(bounds.map(|(lower, upper)| lower + (upper - lower) * rng.random::<f32>()))
 }
 
-/// A configuration within `bounds` none of whose joints is further than `distance` (radians) from that of `center`.
+/// The configuration moved into `bounds`.
+pub(super) fn clamped(config: &JointConfig, bounds: &Bounds) -> JointConfig {
+    JointConfig(core::array::from_fn(|j| config[j].max(bounds[j].0).min(bounds[j].1)))
+}
+
+/// A configuration within `bounds`, or moved there, none of whose joints is further than `distance` (radians) from that of `center`.
 pub(super) fn sample_near(bounds: &Bounds, center: &JointConfig, distance: f32, rng: &mut Rng) -> JointConfig {
+    let center = clamped(center, bounds);
     let near = core::array::from_fn(|j| ((center[j] - distance).max(bounds[j].0), (center[j] + distance).min(bounds[j].1)));
     sample_within(&near, rng)
 }

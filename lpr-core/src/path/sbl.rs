@@ -71,7 +71,7 @@ fn search(
         let root = if rng.random::<bool>() { Root::Start } else { Root::Goal };
         let Some(milestone) = add_milestone(&mut roadmap, root, checker, &bounds, settings, rng) else { continue };
         n_milestones += 1;
-        if n_milestones % settings.milestones_per_grid == 0 {
+        if u32::is_multiple_of(n_milestones, settings.milestones_per_grid) {
             roadmap.lay_cells(joint_pair(rng));
         }
         if let Some(path) = connect(&mut roadmap, milestone, checker, settings.range, rng) {

@@ -11,8 +11,8 @@
 //!   [`StompSettings::beginnings`]).
 
 use super::Rejection;
-use super::course::{Beginnings, Optimized, clamped, compliance, optimize_beginnings, shift, touches};
-use super::plan::{Plan, search_twice};
+use super::course::{Beginnings, Optimized, compliance, optimize_beginnings, shift, touches};
+use super::plan::{Plan, clamped, search_twice};
 use crate::rng::{Rng, normal};
 use crate::robot::{DOF, JointConfig};
 use crate::scene::MotionChecker;

@@ -68,7 +68,7 @@ pub struct TrajoptSettings {
 impl TrajoptSettings {
     /// The numbers that the command line and candidate sets use.
     ///
-    /// Accepted gain, growths and change of trust as in the authors' program, the others by trial on 210 problems of
+    /// Accepted gain and growth of penalty and trust as in the authors' program, the others by trial on 210 problems of
     /// MotionBenchMaker.
     pub const STANDARD: Self = Self {
         waypoints: 16,

@@ -6,7 +6,7 @@ use crate::rng::Rng;
 use crate::robot::JointConfig;
 use rand::RngExt as _;
 
-/// Cells along each of the two joints that they are laid over: the paper's choice is of this order.
+/// Cells along each of the two joints that they are laid over: about half a radian wide, for a joint that turns once.
 const CELLS: usize = 10;
 
 /// What a tree grows from.

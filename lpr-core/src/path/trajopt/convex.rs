@@ -8,7 +8,8 @@
 //! `x = straight + K⁻¹ (Σ λ_i a_i - ν) / w`. Each multiplier in turn takes its best value (coordinate ascent, as of Hildreth
 //! 1957), and the path follows. `w` is the number of edges: the first sum is then the square of a straight path's length.
 
-use super::super::course::{Touch, clamped, compliance, shift, straight_course};
+use super::super::course::{Touch, compliance, shift, straight_course};
+use super::super::plan::{Bounds, clamped};
 use crate::robot::{DOF, JointConfig};
 
 /// Radians by which no waypoint moves any more when the multipliers have converged.
@@ -55,9 +56,9 @@ impl Convex {
 
     /// The best course within `limits` none of whose joints is further than `trust` (radians) from that of `course`; nearly so
     /// after a limited number of `sweeps`.
-    pub(super) fn solve(&self, course: &[JointConfig], trust: f32, limits: &[(f32, f32); DOF], sweeps: u32) -> Vec<JointConfig> {
+    pub(super) fn solve(&self, course: &[JointConfig], trust: f32, limits: &Bounds, sweeps: u32) -> Vec<JointConfig> {
         let n = course.len() - 2;
-        let bounds: Vec<[(f32, f32); DOF]> = course.iter().map(|config| trusted(config, trust, limits)).collect();
+        let bounds: Vec<Bounds> = course.iter().map(|config| trusted(config, trust, limits)).collect();
         let mut x = straight_course(&course[0], &[], &course[n + 1], n);
         let mut multipliers = vec![0.0; self.rows.len()];
         let mut holds = vec![[0.0; DOF]; n + 2];
@@ -78,7 +79,7 @@ impl Convex {
 }
 
 /// The part of the box around `config` that is within the limits; `config` itself, where it is not.
-fn trusted(config: &JointConfig, trust: f32, limits: &[(f32, f32); DOF]) -> [(f32, f32); DOF] {
+fn trusted(config: &JointConfig, trust: f32, limits: &Bounds) -> Bounds {
     core::array::from_fn(|j| {
         let (low, high) = (limits[j].0.min(config[j]), limits[j].1.max(config[j]));
         ((config[j] - trust).max(low), (config[j] + trust).min(high))
@@ -122,7 +123,7 @@ impl Row {
 }
 
 /// Sets the multipliers of the bounds on waypoint `k` to their best values; returns how far that moves the course, radians.
-fn hold(x: &mut [JointConfig], k: usize, bounds: &[(f32, f32); DOF], multipliers: &mut [f32; DOF]) -> f32 {
+fn hold(x: &mut [JointConfig], k: usize, bounds: &Bounds, multipliers: &mut [f32; DOF]) -> f32 {
     let n = x.len() - 2;
     let weight = 1.0 / (n + 1) as f32;
     let curvature = weight * compliance(n, k, k);
@@ -148,7 +149,7 @@ mod tests {
     use crate::scene::Proximity;
     use proptest::prelude::*;
 
-    const LIMITS: [(f32, f32); DOF] = [(-2.0, 2.0); DOF];
+    const LIMITS: Bounds = [(-2.0, 2.0); DOF];
     const WAYPOINTS: usize = 6;
     /// Metres.
     const SAFE_DISTANCE: f32 = 0.02;
