@@ -12,7 +12,8 @@
 //!   `RRTConnect`; a path that comes out twice is kept once.
 
 use super::bezier::{BezierCurve, BezierSettings};
-use super::rrt_connect::{RrtSettings, rrt_connect};
+use super::planner::{PlannerKind, PlannerSettings, plan_with};
+use super::rrt_connect::RrtSettings;
 use super::{JointPath, Rejection, Source, shortcut};
 use crate::error::{Error, Result};
 use crate::rng::{self, Rng, Stream};
@@ -37,7 +38,10 @@ pub struct CandidateSettings {
     pub draws_per_path: usize,
     /// Two goal configurations differ by more than this in some joint, radians.
     pub min_goal_distance: f32,
-    /// The planner.
+    /// Which planner; settings files that name none mean `RRTConnect`, the paper's.
+    #[serde(default, skip_serializing_if = "PlannerKind::is_default")]
+    pub planner: PlannerKind,
+    /// The numbers of `RRTConnect`, and the resolution of all checks; the other planners have their standard numbers.
     pub rrt: RrtSettings,
     /// The curves.
     pub bezier: BezierSettings,
@@ -234,7 +238,8 @@ impl Generator<'_> {
         self.first_success(|draw| {
             let goal = free_goals[(goal_idx + draw) % free_goals.len()];
             let rng = &mut self.streams.rng(Stream::Planner, path_idx * self.settings.draws_per_path + draw);
-            let plan = rrt_connect(&checker, &self.query.start, &[goal], &self.settings.rrt, rng)?;
+            let numbers = PlannerSettings::standard(self.settings.rrt.clone());
+            let plan = plan_with(self.settings.planner, &checker, &self.query.start, &[goal], &numbers, rng)?;
             Ok(shortcut(&plan.path, &checker).subdivide(self.settings.path_len))
         })
     }

@@ -3,17 +3,26 @@
 mod baseline;
 mod bezier;
 mod candidates;
+mod course;
 mod follow;
+mod kpiece;
 mod linear;
 mod motion_limits;
+mod plan;
+mod planner;
 mod point_to_point;
 mod rrt_connect;
+mod sbl;
 mod screw;
 mod shortcut;
 mod simplify;
+mod stomp;
+#[cfg(test)]
+mod test_scenes;
 mod timing;
 mod topp;
 mod trajectory;
+mod trajopt;
 mod tree;
 
 pub use baseline::{c2farm_path, linear_candidate};
@@ -21,18 +30,24 @@ pub use bezier::{BezierCurve, BezierSettings};
 #[cfg(feature = "sim")]
 pub(crate) use candidates::map_in_order;
 pub use candidates::{CandidatePath, CandidateSet, CandidateSettings, CandidateStreams, PathQuery, RejectedPath, candidates};
+pub use kpiece::{KpieceSettings, kpiece};
 #[cfg(feature = "sim")]
 pub(crate) use linear::linear_path_in;
 pub use linear::{LINEAR_STEPS, linear_path};
 pub use motion_limits::{GripSpeedLimit, MotionLimits};
+pub use plan::{FINER, Plan};
+pub use planner::{PlannerKind, PlannerSettings, plan_with};
 pub use point_to_point::{NoMotion, point_to_point};
-pub use rrt_connect::{FINER, Plan, RrtSettings, rrt_connect};
+pub use rrt_connect::{RrtSettings, rrt_connect};
+pub use sbl::{SblSettings, sbl};
 pub use screw::ScrewMotion;
 pub use shortcut::shortcut;
 pub use simplify::simplify;
+pub use stomp::{StompSettings, stomp};
 pub use timing::{TimedPath, TimingSettings};
 pub use topp::{SmoothPath, time_optimal};
 pub use trajectory::{JointState, Trajectory};
+pub use trajopt::{TrajoptSettings, trajopt};
 
 use crate::error::{Error, Result};
 use crate::robot::JointConfig;
@@ -203,6 +218,8 @@ pub enum Rejection {
     GoalCollides,
     /// The planner used up its iterations.
     IterationLimit,
+    /// No optimisation ended with a free path.
+    OptimizationFailed,
     /// Fewer distinct goal configurations exist than were asked for.
     TooFewGoals,
     /// The policy's path is longer than the mean of the others (section IV-B).
@@ -222,6 +239,7 @@ impl Rejection {
             Self::StartCollides => "start_collides",
             Self::GoalCollides => "goal_collides",
             Self::IterationLimit => "iteration_limit",
+            Self::OptimizationFailed => "optimization_failed",
             Self::TooFewGoals => "too_few_goals",
             Self::LongerThanMean => "longer_than_mean",
             Self::OutsideLimits => "outside_limits",

@@ -9,17 +9,13 @@
 //! - A joint that turns further than once is sampled within half a turn of the start and the goals: a shortest path winds no
 //!   further.
 
+use super::plan::{Plan, sample_within, sampling_bounds, search_twice};
 use super::tree::Tree;
 use super::{JointPath, Rejection};
 use crate::rng::Rng;
-use crate::robot::{DOF, JointConfig};
+use crate::robot::JointConfig;
 use crate::scene::MotionChecker;
-use core::f32::consts::PI;
-use rand::RngExt as _;
 use serde::{Deserialize, Serialize};
-
-/// Resolution at which a path found is looked at, in resolutions of the search.
-pub const FINER: f32 = 2.0;
 
 /// Distance up to which a vertex is extended after its first failure, radians; it shrinks with further failures and grows with
 /// successes by [`ADAPTATION`]. "Dynamic-domain RRTs" (IROS 2005), "Adaptive tuning of the sampling domain" (ICRA 2005).
@@ -41,19 +37,10 @@ pub struct RrtSettings {
     pub max_iterations: u32,
 }
 
-/// A path found, and what it took.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Plan {
-    /// A free path, not yet shortened.
-    pub path: JointPath,
-    /// Samples drawn; 0 when the straight motion is free.
-    pub iterations: u32,
-}
-
 /// A free path from `start` to any of `goals`.
 ///
-/// The path found is looked at once more, at [`FINER`] times the checker's resolution. Should it turn out to hit something
-/// between two checks, the search is repeated at that resolution.
+/// The path found is looked at once more, at [`FINER`](super::FINER) times the checker's resolution. Should it turn out to hit
+/// something between two checks, the search is repeated at that resolution.
 ///
 /// # Errors
 ///
@@ -65,25 +52,7 @@ pub fn rrt_connect(
     settings: &RrtSettings,
     rng: &mut Rng,
 ) -> Result<Plan, Rejection> {
-    if goals.is_empty() {
-        return Err(Rejection::Unreachable);
-    }
-    if !checker.is_free(start) {
-        return Err(Rejection::StartCollides);
-    }
-    let goals: Vec<JointConfig> = goals.iter().copied().filter(|goal| checker.is_free(goal)).collect();
-    if goals.is_empty() {
-        return Err(Rejection::GoalCollides);
-    }
-    let fine = checker.finer(FINER);
-    let coarse = search(checker, start, &goals, settings, rng);
-    let plan = match coarse {
-        Ok(plan) if !fine.path_is_free(plan.path.configs()) => search(&fine, start, &goals, settings, rng)
-            .map(|finer| Plan { iterations: plan.iterations + finer.iterations, ..finer }),
-        result => result,
-    };
-    checker.count(&fine);
-    plan
+    search_twice(checker, start, goals, |checker, goals| search(checker, start, goals, settings, rng))
 }
 
 fn search(
@@ -93,16 +62,13 @@ fn search(
     settings: &RrtSettings,
     rng: &mut Rng,
 ) -> Result<Plan, Rejection> {
-    if let Some(goal) = goals.iter().find(|goal| checker.motion_is_free(start, goal)) {
-        return Ok(Plan { path: JointPath(vec![*start, *goal]), iterations: 0 });
-    }
     let bounds = sampling_bounds(checker.arm().limits(), start, goals);
     let (mut grown, mut other) = (Side::new(Root::Start, checker, &[*start]), Side::new(Root::Goal, checker, goals));
     for iteration in 1..=settings.max_iterations {
         if grown.tree.len() > other.tree.len() {
             core::mem::swap(&mut grown, &mut other);
         }
-        let sample = JointConfig(bounds.map(|(lower, upper)| lower + (upper - lower) * rng.random::<f32>()));
+        let sample = sample_within(&bounds, rng);
         if let Some(leaf) = grown.extend(&sample, checker, settings.range)
             && let Some(meeting) = other.connect(grown.tree.config(leaf), checker, settings.range)
         {
@@ -110,14 +76,6 @@ fn search(
         }
     }
     Err(Rejection::IterationLimit)
-}
-
-/// Range of every joint that is sampled.
-fn sampling_bounds(limits: &[(f32, f32); DOF], start: &JointConfig, goals: &[JointConfig]) -> [(f32, f32); DOF] {
-    core::array::from_fn(|j| {
-        let (low, high) = goals.iter().fold((start[j], start[j]), |(low, high), goal| (goal[j].min(low), goal[j].max(high)));
-        (limits[j].0.max(low - PI), limits[j].1.min(high + PI))
-    })
 }
 
 /// The path from the start to a goal through a leaf of one tree and the vertex of the other where they met.
@@ -198,42 +156,12 @@ impl Side {
 mod tests {
     use super::*;
     use crate::path::shortcut;
+    use crate::path::test_scenes::{is_free_densely, turned, wall_with_window};
     use crate::rng::{Stream, stream};
-    use crate::robot::Robot;
-    use crate::scene::stick_arm::{is_free_by_brute_force, stick_arm};
-    use crate::scene::{ArmSpheres, Primitive, Scene};
-    use glamx::{Pose3, Vec3};
+    use crate::scene::ArmSpheres;
+    use crate::scene::stick_arm::stick_arm;
 
     const SETTINGS: RrtSettings = RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 2000 };
-
-    /// What may be missed between two checks 1/32 rad apart at the arm's reach, metres.
-    const MISSED: f32 = 0.015;
-
-    /// The start turned by `turn` about the base's axis.
-    fn turned(turn: f32) -> JointConfig {
-        JointConfig(core::array::from_fn(|j| if j == 0 { turn } else { stick_arm().start[j] }))
-    }
-
-    /// A wall ahead of the arm with a window that is too low for its posture at the start.
-    fn wall_with_window() -> Scene {
-        let block = |center: Vec3, half_extents: Vec3| Primitive::Cuboid {
-            world_from_box: Pose3::from_translation(center),
-            half_extents,
-        };
-        Scene::from_primitives(vec![
-            block(Vec3::new(0.6, 0.0, 1.05), Vec3::new(0.4, 0.02, 0.45)),
-            block(Vec3::new(0.45, 0.0, 0.05), Vec3::new(0.25, 0.02, 0.05)),
-            block(Vec3::new(0.25, 0.0, 0.3), Vec3::new(0.05, 0.02, 0.3)),
-            block(Vec3::new(0.95, 0.0, 0.3), Vec3::new(0.05, 0.02, 0.3)),
-        ])
-    }
-
-    fn is_free_densely(robot: &Robot, scene: &Scene, path: &JointPath) -> bool {
-        path.configs().windows(2).all(|pair| {
-            let n = f32::ceil(pair[0].distance(&pair[1]) * 128.0).max(1.0) as u16;
-            (0..=n).all(|i| is_free_by_brute_force(robot, scene, &pair[0].lerp(&pair[1], f32::from(i) / f32::from(n)), -MISSED))
-        })
-    }
 
     #[test]
     fn paths_through_a_narrow_window_are_free_within_limits_and_no_longer_after_shortcuts() {

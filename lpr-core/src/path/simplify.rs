@@ -3,7 +3,7 @@
 //! Cutting every corner at a share of its edges is a step of Chaikin's subdivision (1974), whose limit is a quadratic B-spline:
 //! the path bends where it used to turn. Every new edge is checked. Deterministic, without random numbers.
 
-use super::rrt_connect::FINER;
+use super::plan::FINER;
 use super::shortcut::skip_vertices;
 use super::{JointPath, path_length};
 use crate::robot::JointConfig;

@@ -158,7 +158,7 @@ impl ArmSpheres {
 
     /// Frames of the base and of what every joint carries, in f32: quicker than [`Robot::link_frames`] and within a few
     /// micrometres of it.
-    fn frames(&self, config: &JointConfig) -> Vec<Frame> {
+    pub(super) fn frames(&self, config: &JointConfig) -> Vec<Frame> {
         let mut frames = vec![Frame::IDENTITY];
         for (joint, q) in self.joints.iter().zip(config.iter()) {
             frames.push(frames[frames.len() - 1].after(joint, *q));
@@ -258,8 +258,17 @@ impl Frame {
         self.axes[0] * v.x + self.axes[1] * v.y + self.axes[2] * v.z
     }
 
+    /// The axis about or along which the joint moves that carries this frame.
+    pub(super) const fn axis(&self) -> Vec3 {
+        self.axes[2]
+    }
+
+    pub(super) const fn origin(&self) -> Vec3 {
+        self.origin
+    }
+
     /// A point of this frame in the world.
-    fn point(&self, point: Vec3) -> Vec3 {
+    pub(super) fn point(&self, point: Vec3) -> Vec3 {
         self.vector(point) + self.origin
     }
 

@@ -71,6 +71,24 @@ impl PointCloud {
         !self.is_surely_clear(center, radius) && self.search(center, radius + self.point_radius)
     }
 
+    /// The point nearest `center`, if one lies within `reach` of it. Metres.
+    #[must_use]
+    pub fn nearest_within(&self, center: Vec3, reach: f32) -> Option<Vec3> {
+        if self.is_surely_clear(center, reach) {
+            return None;
+        }
+        let low = self.grid.coordinates((center - reach).clamp(self.grid.low, self.grid.high));
+        let high = self.grid.coordinates((center + reach).clamp(self.grid.low, self.grid.high));
+        let rows = (low[2]..=high[2]).flat_map(|z| (low[1]..=high[1]).map(move |y| [low[0], y, z]));
+        let points = rows.flat_map(|row| {
+            let first = self.grid.index(row);
+            &self.points[self.cell_starts[first] as usize..self.cell_starts[first + high[0] - low[0] + 1] as usize]
+        });
+        let distances = points.map(|point| ((*point - center).length_squared(), *point));
+        let within = distances.filter(|(squared, _)| *squared <= reach * reach);
+        within.min_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, point)| point)
+    }
+
     /// Whether the grid alone shows that a ball at `center` meets no point: quick, and never wrong when it says yes.
     #[must_use]
     pub fn is_surely_clear(&self, center: Vec3, radius: f32) -> bool {
@@ -274,6 +292,8 @@ mod tests {
                 // Rounding decides a touch within a micrometre.
                 prop_assume!((nearest - radius - 0.01).abs() > 1e-6);
                 prop_assert_eq!(cloud.touches(center, radius), nearest < radius + 0.01);
+                let found = cloud.nearest_within(center, radius + 0.01).map(|point| point.distance(center));
+                prop_assert_eq!(found, (nearest < radius + 0.01).then_some(nearest));
             }
         }
 

@@ -10,7 +10,9 @@ mod cloud;
 mod motion;
 mod obstacles;
 mod primitive;
+mod proximity;
 mod shape;
+mod signed_distance;
 mod solids;
 #[cfg(test)]
 pub(crate) mod stick_arm;
@@ -22,7 +24,9 @@ pub use obstacles::{
     CONTACT_DISTANCE, HELD_BOX, Holding, ObstacleQuery, POINT_RADIUS, SELF_FILTER_INFLATION, VOXEL, obstacle_scene,
 };
 pub use primitive::{Face, Primitive};
+pub use proximity::Proximity;
 pub use shape::{Part, Shape};
+pub use signed_distance::SignedDistance;
 
 use crate::error::{Error, Result};
 use crate::robot::JointConfig;

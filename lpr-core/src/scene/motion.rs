@@ -1,6 +1,6 @@
 //! Checks of straight joint-space motions.
 
-use super::{ArmSpheres, Scene, block};
+use super::{ArmSpheres, Proximity, Scene, block};
 use crate::robot::JointConfig;
 use core::cell::Cell;
 
@@ -49,6 +49,13 @@ impl<'a> MotionChecker<'a> {
     pub fn is_free(&self, config: &JointConfig) -> bool {
         self.n_checks.set(self.n_checks.get() + 1);
         self.scene.is_free(self.arm, config)
+    }
+
+    /// Everything that the arm at `config` is nearer to than `reach`, metres: [`Scene::proximities`].
+    #[must_use]
+    pub fn proximities(&self, config: &JointConfig, reach: f32) -> Vec<Proximity> {
+        self.n_checks.set(self.n_checks.get() + 1);
+        self.scene.proximities(self.arm, config, reach)
     }
 
     /// Whether the straight motion from `a`, which is not looked at, to `b` is free.

@@ -4,7 +4,7 @@ use super::Result;
 use super::arm::{Arm, ArmArguments};
 use crate::problems::{self, Problem};
 use core::fmt;
-use lpr_core::path::{JointPath, Plan, Rejection, RrtSettings, rrt_connect, simplify};
+use lpr_core::path::{JointPath, Plan, PlannerKind, PlannerSettings, Rejection, RrtSettings, plan_with, simplify};
 use lpr_core::rng::{self, Stream};
 use lpr_core::robot::JointConfig;
 use lpr_core::scene::{ArmSpheres, MotionChecker, Scene};
@@ -23,9 +23,9 @@ pub(super) struct Arguments {
     arm: ArmArguments,
     #[arg(long, value_name = "FILE", help = PROBLEMS_HELP)]
     problems: PathBuf,
-    /// Planners, separated by commas
-    #[arg(long, value_name = "NAMES", value_enum, value_delimiter = ',', default_value = "rrt-connect")]
-    planner: Vec<Planner>,
+    /// Planners, separated by commas: rrt-connect, sbl, kpiece, trajopt, stomp
+    #[arg(long, value_name = "NAMES", value_parser = planner, value_delimiter = ',', default_value = "rrt-connect")]
+    planner: Vec<PlannerKind>,
     /// Longest edge of a tree, radians
     #[arg(long, value_name = "RADIANS", default_value_t = 1.0, value_parser = positive)]
     range: f32,
@@ -43,10 +43,13 @@ pub(super) struct Arguments {
     simplify: bool,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, clap::ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-enum Planner {
-    RrtConnect,
+/// The planner of that name.
+fn planner(name: &str) -> Result<PlannerKind, String> {
+    let known = || PlannerKind::ALL.map(PlannerKind::name).join(", ");
+    PlannerKind::ALL
+        .into_iter()
+        .find(|kind| kind.name() == name)
+        .ok_or_else(|| format!("unknown planner '{name}', known: {}", known()))
 }
 
 fn positive(text: &str) -> Result<f32, String> {
@@ -66,7 +69,7 @@ pub(super) struct Report {
 #[derive(Debug, Serialize)]
 struct ProblemResult {
     name: String,
-    planner: Planner,
+    planner: PlannerKind,
     seed: u64,
     solved: bool,
     planning_micros: f64,
@@ -135,7 +138,7 @@ impl Query {
         Ok(Self { name: problem.name.clone(), start, goals, scene: scene?, world_micros })
     }
 
-    fn solve(&self, arguments: &Arguments, arm: &Arm, spheres: &ArmSpheres, planner: Planner, idx: u64) -> ProblemResult {
+    fn solve(&self, arguments: &Arguments, arm: &Arm, spheres: &ArmSpheres, planner: PlannerKind, idx: u64) -> ProblemResult {
         let ((plan, checks), planning_micros) = least_micros(arguments.repeats, || {
             let checker = MotionChecker::new(&self.scene, spheres, arguments.checks_per_radian);
             (self.plan(arguments, &checker, arm, planner, idx), checker.n_checks())
@@ -167,7 +170,7 @@ impl Query {
         arguments: &Arguments,
         checker: &MotionChecker<'_>,
         arm: &Arm,
-        planner: Planner,
+        planner: PlannerKind,
         idx: u64,
     ) -> Result<Plan, Rejection> {
         let goals: Vec<JointConfig> = self.goals.iter().copied().filter(|goal| arm.chain.within_limits(goal)).collect();
@@ -176,12 +179,8 @@ impl Query {
         }
         let rng = &mut rng::stream(arguments.seed, Stream::Planner, idx);
         let Arguments { range, checks_per_radian, .. } = *arguments;
-        match planner {
-            Planner::RrtConnect => {
-                let settings = RrtSettings { range, checks_per_radian, max_iterations: MAX_ITERATIONS };
-                rrt_connect(checker, &self.start, &goals, &settings, rng)
-            }
-        }
+        let rrt = RrtSettings { range, checks_per_radian, max_iterations: MAX_ITERATIONS };
+        plan_with(planner, checker, &self.start, &goals, &PlannerSettings::standard(rrt), rng)
     }
 
     fn simplified(&self, arguments: &Arguments, spheres: &ArmSpheres, path: &JointPath, result: &mut ProblemResult) -> JointPath {

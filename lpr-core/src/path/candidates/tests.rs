@@ -16,6 +16,7 @@ fn settings() -> CandidateSettings {
         planner_collision_free_fraction: 0.5,
         draws_per_path: 5,
         min_goal_distance: 0.2,
+        planner: PlannerKind::RrtConnect,
         rrt: RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 500 },
         bezier: BezierSettings { sigma: 0.1 },
     }
@@ -254,6 +255,36 @@ fn the_baseline_goes_straight_and_where_it_cannot_takes_the_nearest_goal() {
     for goal in goal_configs(&about, &settings(), STREAMS) {
         assert!(path.path.length() <= robot.start.distance(&goal) + 1e-4);
     }
+}
+
+#[test]
+fn every_planner_gives_candidates_that_do_not_collide() {
+    let robot = stick_arm();
+    let (at, goal) = (robot.grip(&robot.start).translation, goal(&robot, [-0.05, 0.35, -0.05]));
+    let foot = Vec3::new(at.x, 0.17, 0.0);
+    let post = Primitive::Capsule { a: foot, b: foot + at.z * Vec3::Z, radius: 0.02 };
+    let scene = Scene::from_primitives(vec![post]);
+    let mut sets = Vec::new();
+    for planner in PlannerKind::ALL {
+        let settings =
+            CandidateSettings { planner, planner_collision_free_fraction: 1.0, path_len: 30, bezier_paths: 0, ..settings() };
+        let set = candidates(&query(&robot, &scene, goal), &settings, STREAMS);
+        let free = set.candidates.iter().filter(|candidate| !candidate.collides).count();
+        assert!(free > 0, "{}: {:?}", planner.name(), set.rejected);
+        sets.push(set);
+    }
+    assert!(sets[1..].iter().all(|set| *set != sets[0]), "the choice changes nothing");
+}
+
+#[test]
+fn settings_that_name_no_planner_mean_rrt_connect_and_are_written_as_they_were() {
+    let written = toml::to_string(&settings()).unwrap();
+    assert!(!written.contains("planner ="), "{written}");
+    assert_eq!(toml::from_str::<CandidateSettings>(&written), Ok(settings()));
+    let other = CandidateSettings { planner: PlannerKind::Stomp, ..settings() };
+    let written = toml::to_string(&other).unwrap();
+    assert!(written.contains("planner = \"stomp\""), "{written}");
+    assert_eq!(toml::from_str::<CandidateSettings>(&written), Ok(other));
 }
 
 #[test]

@@ -1,0 +1,89 @@
+//! What all planners share: their result, the checks of the ends, the second look, and samples.
+
+use super::{JointPath, Rejection};
+use crate::rng::Rng;
+use crate::robot::{DOF, JointConfig};
+use crate::scene::MotionChecker;
+use core::f32::consts::PI;
+use rand::RngExt as _;
+
+/// Resolution at which a path found is looked at, in resolutions of the search.
+pub const FINER: f32 = 2.0;
+
+/// A range for every joint, radians.
+pub(super) type Bounds = [(f32, f32); DOF];
+
+/// A path found, and what it took.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// A free path, not yet shortened.
+    pub path: JointPath,
+    /// Samples drawn, or steps of an optimisation; 0 when the straight motion is free.
+    pub iterations: u32,
+}
+
+/// The straight motion to a goal if one is free, else what `search` finds to the goals that are.
+///
+/// The path found is looked at once more, at [`FINER`] times the checker's resolution. Should it turn out to hit something
+/// between two checks, the search is repeated at that resolution.
+pub(super) fn search_twice(
+    checker: &MotionChecker<'_>,
+    start: &JointConfig,
+    goals: &[JointConfig],
+    mut search: impl FnMut(&MotionChecker<'_>, &[JointConfig]) -> Result<Plan, Rejection>,
+) -> Result<Plan, Rejection> {
+    let goals = free_goals(checker, start, goals)?;
+    let mut search = |checker: &MotionChecker<'_>| straight(checker, start, &goals).map_or_else(|| search(checker, &goals), Ok);
+    let fine = checker.finer(FINER);
+    let plan = match search(checker) {
+        Ok(plan) if !fine.path_is_free(plan.path.configs()) => {
+            search(&fine).map(|finer| Plan { iterations: plan.iterations + finer.iterations, ..finer })
+        }
+        result => result,
+    };
+    checker.count(&fine);
+    plan
+}
+
+/// The goals that touch nothing.
+fn free_goals(checker: &MotionChecker<'_>, start: &JointConfig, goals: &[JointConfig]) -> Result<Vec<JointConfig>, Rejection> {
+    if goals.is_empty() {
+        return Err(Rejection::Unreachable);
+    }
+    if !checker.is_free(start) {
+        return Err(Rejection::StartCollides);
+    }
+    let goals: Vec<JointConfig> = goals.iter().copied().filter(|goal| checker.is_free(goal)).collect();
+    if goals.is_empty() { Err(Rejection::GoalCollides) } else { Ok(goals) }
+}
+
+/// The straight motion to the first goal that it reaches.
+fn straight(checker: &MotionChecker<'_>, start: &JointConfig, goals: &[JointConfig]) -> Option<Plan> {
+    let goal = goals.iter().find(|goal| checker.motion_is_free(start, goal))?;
+    Some(Plan { path: JointPath(vec![*start, *goal]), iterations: 0 })
+}
+
+/// Range of every joint that is sampled.
+pub(super) fn sampling_bounds(limits: &Bounds, start: &JointConfig, goals: &[JointConfig]) -> Bounds {
+    core::array::from_fn(|j| {
+        let (low, high) = goals.iter().fold((start[j], start[j]), |(low, high), goal| (goal[j].min(low), goal[j].max(high)));
+        (limits[j].0.max(low - PI), limits[j].1.min(high + PI))
+    })
+}
+
+/// A configuration anywhere within `bounds`.
+pub(super) fn sample_within(bounds: &Bounds, rng: &mut Rng) -> JointConfig {
+    JointConfig(bounds.map(|(lower, upper)| lower + (upper - lower) * rng.random::<f32>()))
+}
+
+/// The configuration moved into `bounds`.
+pub(super) fn clamped(config: &JointConfig, bounds: &Bounds) -> JointConfig {
+    JointConfig(core::array::from_fn(|j| config[j].max(bounds[j].0).min(bounds[j].1)))
+}
+
+/// A configuration within `bounds`, or moved there, none of whose joints is further than `distance` (radians) from that of `center`.
+pub(super) fn sample_near(bounds: &Bounds, center: &JointConfig, distance: f32, rng: &mut Rng) -> JointConfig {
+    let center = clamped(center, bounds);
+    let near = core::array::from_fn(|j| ((center[j] - distance).max(bounds[j].0), (center[j] + distance).min(bounds[j].1)));
+    sample_within(&near, rng)
+}

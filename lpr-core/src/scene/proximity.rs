@@ -1,0 +1,210 @@
+//! What the arm is near to, by signed distance with its gradient in joint space: for planners that optimise.
+//!
+//! Scalar: a planner looks at a few thousand configurations. The sphere decides, as in the checks: a link's distance is that of
+//! its nearest sphere, and its gradient that sphere's, by the geometric Jacobian of its centre.
+
+use super::arm_spheres::{ArmPart, ArmSpheres, Frame, LinkSpheres};
+use super::primitive::length;
+use super::signed_distance::SignedDistance;
+use super::{PointCloud, Primitive, Scene};
+use crate::robot::{DOF, JointConfig, Motion, Sphere};
+use glamx::Vec3;
+
+/// How near a link is to an obstacle, or to another link.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Proximity {
+    /// Gap between them, metres; negative when they overlap.
+    pub distance: f32,
+    /// Derivative of the gap by every joint: metres per radian, or per metre of a sliding joint.
+    pub gradient: [f32; DOF],
+}
+
+/// The nearest sphere of a link.
+struct Nearest {
+    center: Vec3,
+    /// From the sphere's surface.
+    gap: SignedDistance,
+}
+
+/// The arm at a configuration.
+struct Placed<'a> {
+    arm: &'a ArmSpheres,
+    frames: Vec<Frame>,
+}
+
+impl Scene {
+    /// Every pair of a link and a solid, a cloud or another link that are less than `reach` (metres) apart.
+    #[must_use]
+    pub fn proximities(&self, arm: &ArmSpheres, config: &JointConfig, reach: f32) -> Vec<Proximity> {
+        let placed = Placed { arm, frames: arm.frames(config) };
+        let mut found = Vec::new();
+        for link in &arm.links {
+            let points = match link.part {
+                ArmPart::Base => continue,
+                ArmPart::Arm => &self.arm_points,
+                ArmPart::Hand => &self.hand_points,
+            };
+            let from_solids = self.primitives().filter_map(|solid| placed.nearest_to_solid(link, solid, reach));
+            let from_points = placed.nearest_to_points(link, points, reach);
+            let nearest = from_solids.chain(from_points);
+            found.extend(nearest.map(|near| placed.proximity(near.gap.distance, &[(link, near.center, near.gap.normal)])));
+        }
+        found.extend(arm.self_pairs.iter().filter_map(|&(a, b)| placed.between(&arm.links[a], &arm.links[b], reach)));
+        found
+    }
+}
+
+impl Placed<'_> {
+    fn place(&self, link: &LinkSpheres, sphere: &Sphere) -> Sphere {
+        Sphere { center: self.frames[link.body].point(sphere.center), radius: sphere.radius }
+    }
+
+    fn spheres(&self, link: &LinkSpheres) -> impl Iterator<Item = Sphere> {
+        link.clusters.iter().flat_map(|cluster| &cluster.spheres).map(|sphere| self.place(link, sphere))
+    }
+
+    fn nearest_to_solid(&self, link: &LinkSpheres, solid: &Primitive, reach: f32) -> Option<Nearest> {
+        let bound = self.place(link, &link.bound);
+        if solid.distance(bound.center) >= bound.radius + reach {
+            return None;
+        }
+        let gaps = self
+            .spheres(link)
+            .map(|sphere| Nearest { center: sphere.center, gap: inflated(solid.signed_distance(sphere.center), sphere.radius) });
+        gaps.filter(|near| near.gap.distance < reach).min_by(|a, b| a.gap.distance.total_cmp(&b.gap.distance))
+    }
+
+    fn nearest_to_points(&self, link: &LinkSpheres, cloud: &PointCloud, reach: f32) -> Option<Nearest> {
+        let bound = self.place(link, &link.bound);
+        if cloud.is_surely_clear(bound.center, bound.radius + reach) {
+            return None;
+        }
+        let gaps = self.spheres(link).filter_map(|sphere| {
+            let point = cloud.nearest_within(sphere.center, sphere.radius + cloud.point_radius() + reach)?;
+            let gap = SignedDistance::from_ball(sphere.center - point, sphere.radius + cloud.point_radius());
+            Some(Nearest { center: sphere.center, gap })
+        });
+        gaps.min_by(|a, b| a.gap.distance.total_cmp(&b.gap.distance))
+    }
+
+    fn between(&self, a: &LinkSpheres, b: &LinkSpheres, reach: f32) -> Option<Proximity> {
+        let (bound_a, bound_b) = (self.place(a, &a.bound), self.place(b, &b.bound));
+        if length(bound_a.center - bound_b.center) >= bound_a.radius + bound_b.radius + reach {
+            return None;
+        }
+        let others: Vec<Sphere> = self.spheres(b).collect();
+        let pairs = self.spheres(a).flat_map(|sphere| others.iter().map(move |other| (sphere, *other)));
+        let gaps = pairs.map(|(sphere, other)| {
+            let gap = SignedDistance::from_ball(sphere.center - other.center, sphere.radius + other.radius);
+            (gap, sphere.center, other.center)
+        });
+        let (gap, center_a, center_b) = gaps.min_by(|(a, ..), (b, ..)| a.distance.total_cmp(&b.distance))?;
+        let moving = [(a, center_a, gap.normal), (b, center_b, -gap.normal)];
+        (gap.distance < reach).then(|| self.proximity(gap.distance, &moving))
+    }
+
+    /// A gap between points of links, each with the direction of its motion that widens the gap.
+    fn proximity(&self, distance: f32, moving: &[(&LinkSpheres, Vec3, Vec3)]) -> Proximity {
+        let mut gradient = [0.0; DOF];
+        for (link, point, normal) in moving {
+            for (j, joint) in self.arm.joints.iter().enumerate().take(link.body) {
+                let frame = &self.frames[j + 1];
+                let velocity = match joint.motion {
+                    Motion::Slide => frame.axis(),
+                    Motion::Turn => frame.axis().cross(*point - frame.origin()),
+                };
+                gradient[j] += normal.dot(velocity);
+            }
+        }
+        Proximity { distance, gradient }
+    }
+}
+
+/// The distance of the surface of a sphere of `radius` around a point.
+fn inflated(from_center: SignedDistance, radius: f32) -> SignedDistance {
+    SignedDistance { distance: from_center.distance - radius, ..from_center }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::stick_arm::stick_arm;
+    use glamx::{Pose3, Quat};
+    use proptest::prelude::*;
+
+    /// Metres.
+    const REACH: f32 = 0.2;
+
+    fn config() -> impl Strategy<Value = JointConfig> {
+        prop::array::uniform7(-2.5_f32..2.5).prop_map(JointConfig)
+    }
+
+    fn position() -> impl Strategy<Value = Vec3> {
+        [-0.9_f32..0.9, -0.9..0.9, 0.0..1.2].prop_map(Vec3::from_array)
+    }
+
+    /// A box, a capsule and a few points.
+    fn scene() -> impl Strategy<Value = Scene> {
+        (prop::collection::vec(position(), 3), prop::array::uniform3(-3.0_f32..3.0), prop::collection::vec(position(), 0..20))
+            .prop_map(|(at, turn, points)| {
+                let world_from_box = Pose3::from_parts(at[0], Quat::from_scaled_axis(Vec3::from_array(turn)));
+                let block = Primitive::Cuboid { world_from_box, half_extents: Vec3::new(0.1, 0.02, 0.2) };
+                let bar = Primitive::Capsule { a: at[1], b: at[2], radius: 0.03 };
+                Scene::from_primitives(vec![block, bar]).with_points(&points, 0.01)
+            })
+    }
+
+    fn least(proximities: &[Proximity]) -> f32 {
+        proximities.iter().fold(REACH, |least, near| near.distance.min(least))
+    }
+
+    proptest! {
+        #[test]
+        fn the_arm_is_free_where_no_distance_is_negative(scene in scene(), config in config()) {
+            let arm = ArmSpheres::new(&stick_arm());
+            let least = least(&scene.proximities(&arm, &config, REACH));
+            // Rounding decides a touch.
+            prop_assume!(least.abs() > 2e-5);
+            prop_assert_eq!(scene.is_free(&arm, &config), least > 0.0);
+        }
+
+        #[test]
+        fn gradients_agree_with_finite_differences(scene in scene(), config in config()) {
+            /// Radians: rounding gives 1e-3 of error in a slope, curvature little more.
+            const STEP: f32 = 1e-3;
+            let arm = ArmSpheres::new(&stick_arm());
+            let here = scene.proximities(&arm, &config, REACH);
+            for j in 0..DOF {
+                let moved = |by: f32| {
+                    let mut moved = config;
+                    moved[j] += by;
+                    scene.proximities(&arm, &moved, REACH)
+                };
+                let (before, after) = (moved(-STEP), moved(STEP));
+                // Pairs that come within reach change the list; a pair's nearest sphere or face may change, too, and then the
+                // slopes on both sides differ.
+                if before.len() != here.len() || after.len() != here.len() {
+                    continue;
+                }
+                for ((before, near), after) in before.iter().zip(&here).zip(&after) {
+                    let slopes = [near.distance - before.distance, after.distance - near.distance].map(|rise| rise / STEP);
+                    if (slopes[0] - slopes[1]).abs() < 5e-3 {
+                        let slope = 0.5 * (slopes[0] + slopes[1]);
+                        prop_assert!((slope - near.gradient[j]).abs() < 1e-2, "joint {j}: {slope} instead of {}", near.gradient[j]);
+                    }
+                }
+            }
+        }
+
+        #[test]
+        fn a_link_is_as_far_from_a_lone_ball_as_its_nearest_sphere(config in config(), center in position(), radius in 0.01_f32..0.2) {
+            let arm = ArmSpheres::new(&stick_arm());
+            let scene = Scene::from_primitives(vec![Primitive::Sphere { center, radius }]);
+            let alone = Scene::empty().proximities(&arm, &config, REACH).len();
+            let found = scene.proximities(&arm, &config, REACH);
+            let of_moving = arm.placed_spheres(&config).filter(|(link, _)| link.part != ArmPart::Base);
+            let nearest = of_moving.map(|(_, s)| s.center.distance(center) - s.radius - radius).fold(REACH, f32::min);
+            prop_assert!((least(&found[..found.len() - alone]) - nearest).abs() < 1e-5);
+        }
+    }
+}
