@@ -87,6 +87,9 @@ pub(super) fn optimize_beginnings(
         if let Some(course) = course {
             return Ok(Plan { path: JointPath(course), iterations });
         }
+        if checker.is_stopped() {
+            return Err(Rejection::Stopped);
+        }
     }
     Err(Rejection::OptimizationFailed)
 }

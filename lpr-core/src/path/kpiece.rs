@@ -78,6 +78,9 @@ fn search(
     let bounds = sampling_bounds(checker.arm().limits(), start, goals);
     let mut sides = [&[*start], goals].map(|roots| Side::new(checker, roots, settings.cell));
     for iteration in 1..=settings.max_iterations {
+        if checker.is_stopped() {
+            return Err(Rejection::Stopped);
+        }
         let grown = usize::from(iteration % 2 == 0);
         let Some(leaf) = sides[grown].grow(checker, &bounds, settings, iteration, rng) else { continue };
         let config = *sides[grown].tree.config(leaf);

@@ -218,6 +218,8 @@ pub enum Rejection {
     GoalCollides,
     /// The planner used up its iterations.
     IterationLimit,
+    /// The caller stopped the planner.
+    Stopped,
     /// No optimisation ended with a free path.
     OptimizationFailed,
     /// Fewer distinct goal configurations exist than were asked for.
@@ -239,6 +241,7 @@ impl Rejection {
             Self::StartCollides => "start_collides",
             Self::GoalCollides => "goal_collides",
             Self::IterationLimit => "iteration_limit",
+            Self::Stopped => "stopped",
             Self::OptimizationFailed => "optimization_failed",
             Self::TooFewGoals => "too_few_goals",
             Self::LongerThanMean => "longer_than_mean",

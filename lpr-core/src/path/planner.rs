@@ -221,6 +221,24 @@ mod tests {
     }
 
     #[test]
+    fn a_planner_stops_when_it_is_told_to_and_asks_in_every_iteration() {
+        let (scene, arm) = (wall_with_window(), ArmSpheres::new(&stick_arm()));
+        for kind in PlannerKind::ALL {
+            let questions = core::cell::Cell::new(0);
+            let stop = || {
+                questions.set(questions.get() + 1);
+                questions.get() > 3
+            };
+            let checker = MotionChecker::new(&scene, &arm, 32.0).stopped_by(&stop);
+            let plan = plan_with(kind, &checker, &turned(-0.7), &[turned(0.7)], &settings(), &mut stream(0, Stream::Planner, 0));
+            assert!(matches!(plan, Err(Rejection::Stopped)) || plan.is_ok_and(|plan| plan.iterations <= 4), "{}", kind.name());
+            let never = MotionChecker::new(&scene, &arm, 32.0).stopped_by(&|| true);
+            let plan = plan_with(kind, &never, &turned(-0.7), &[turned(0.7)], &settings(), &mut stream(0, Stream::Planner, 0));
+            assert_eq!(plan, Err(Rejection::Stopped), "{}", kind.name());
+        }
+    }
+
+    #[test]
     fn names_are_those_of_settings_files() {
         for kind in PlannerKind::ALL {
             assert_eq!(toml::Value::try_from(kind), Ok(toml::Value::String(kind.name().to_owned())));

@@ -65,6 +65,9 @@ fn search(
     let bounds = sampling_bounds(checker.arm().limits(), start, goals);
     let (mut grown, mut other) = (Side::new(Root::Start, checker, &[*start]), Side::new(Root::Goal, checker, goals));
     for iteration in 1..=settings.max_iterations {
+        if checker.is_stopped() {
+            return Err(Rejection::Stopped);
+        }
         if grown.tree.len() > other.tree.len() {
             core::mem::swap(&mut grown, &mut other);
         }

@@ -68,6 +68,9 @@ fn search(
     let mut roadmap = Roadmap::new(start, goals, bounds, joint_pair(rng));
     let mut n_milestones = 0;
     for iteration in 1..=settings.max_iterations {
+        if checker.is_stopped() {
+            return Err(Rejection::Stopped);
+        }
         let root = if rng.random::<bool>() { Root::Start } else { Root::Goal };
         let Some(milestone) = add_milestone(&mut roadmap, root, checker, &bounds, settings, rng) else { continue };
         n_milestones += 1;

@@ -91,6 +91,9 @@ fn optimize(
     let mut course = course.to_vec();
     let mut copies = Vec::new();
     for step in 1..=settings.steps {
+        if checker.is_stopped() {
+            break;
+        }
         improve(checker, &mut course, &mut copies, smoothing, settings, rng);
         if checker.path_is_free(&course) {
             return Optimized { course: Some(course), steps: step };

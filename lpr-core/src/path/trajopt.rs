@@ -134,6 +134,9 @@ fn optimize(checker: &MotionChecker<'_>, course: &[JointConfig], settings: &Traj
     let mut state = State { course: course.to_vec(), near, penalty: settings.penalty, trust: settings.trust };
     let mut growths = 0;
     for step in 1..=settings.steps {
+        if checker.is_stopped() {
+            break;
+        }
         match advance(&mut state, checker, settings) {
             Step::Moved if checker.path_is_free(&state.course) => {
                 return Optimized { course: Some(state.course), steps: step };

@@ -3,22 +3,44 @@
 use super::{ArmSpheres, Proximity, Scene, block};
 use crate::robot::JointConfig;
 use core::cell::Cell;
+use core::fmt;
 
 /// Checks motions of one arm in one scene at a fixed resolution, and counts the configurations it looked at.
-#[derive(Debug)]
+#[derive(Clone)]
 pub struct MotionChecker<'a> {
     scene: &'a Scene,
     arm: &'a ArmSpheres,
     /// Configurations per radian of joint-space distance.
     checks_per_radian: f32,
     n_checks: Cell<u64>,
+    stop: Option<&'a dyn Fn() -> bool>,
+}
+
+impl fmt::Debug for MotionChecker<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { scene, arm, checks_per_radian, n_checks, stop: _ } = self;
+        let mut debug = f.debug_struct("MotionChecker");
+        debug.field("scene", scene).field("arm", arm).field("checks_per_radian", checks_per_radian).field("n_checks", n_checks);
+        debug.finish_non_exhaustive()
+    }
 }
 
 impl<'a> MotionChecker<'a> {
     /// A checker that looks at `checks_per_radian` configurations for each radian of joint-space distance.
     #[must_use]
     pub const fn new(scene: &'a Scene, arm: &'a ArmSpheres, checks_per_radian: f32) -> Self {
-        Self { scene, arm, checks_per_radian, n_checks: Cell::new(0) }
+        Self { scene, arm, checks_per_radian, n_checks: Cell::new(0), stop: None }
+    }
+
+    /// The same, for planners that give up with [`Rejection::Stopped`](crate::path::Rejection::Stopped) once `stop` says so: they
+    /// ask in every iteration. A clock makes results depend on the machine; a flag ends a search that nobody waits for.
+    #[must_use]
+    pub fn stopped_by(self, stop: &'a dyn Fn() -> bool) -> Self {
+        Self { stop: Some(stop), ..self }
+    }
+
+    pub(crate) fn is_stopped(&self) -> bool {
+        self.stop.is_some_and(|stop| stop())
     }
 
     /// The arm.
