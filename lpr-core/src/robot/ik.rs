@@ -196,9 +196,9 @@ fn refined(has_solutions: &[bool], mut solve: impl FnMut(f64) -> bool) -> Vec<bo
     let is_promising = |sample: usize| has_solutions[sample] || has_solutions[(sample + 1) % n];
     let is_blind = !has_solutions.contains(&true);
     let mut finer = Vec::with_capacity(2 * n);
-    for sample in 0..n {
+    for (sample, &has_solution) in has_solutions.iter().enumerate() {
         let middle = (is_blind || is_promising(sample)) && solve((sample as f64 + 0.5) / n as f64);
-        finer.extend([has_solutions[sample], middle]);
+        finer.extend([has_solution, middle]);
     }
     finer
 }
