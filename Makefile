@@ -2,9 +2,9 @@
 # set would build all of burn once more. lpr-wasm/build.sh builds without it.
 ALL := --locked --workspace --features lpr-core/ndarray
 
-.PHONY: check fmt lint doc page gallery test test-doc package tools faults bench-wasm
+.PHONY: check fmt lint doc page planner gallery test test-doc package tools faults bench-wasm
 
-check: fmt lint doc page test test-doc package
+check: fmt lint doc page planner test test-doc package
 
 fmt:
 	cargo fmt --all --check

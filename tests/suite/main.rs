@@ -9,6 +9,7 @@ mod interrupted;
 mod lpr;
 mod output;
 mod page;
+mod planner;
 mod runs;
 mod scenes;
 mod serve;

@@ -23,11 +23,10 @@ fn native_hashes(n_threads: usize) -> Vec<String> {
     pool.install(|| scenes().into_iter().map(hash).collect())
 }
 
-/// What `tests/node/NAME` prints for an argument.
+/// What `tests/node/NAME` prints for an argument; it needs `module`, a file of the workspace.
 #[track_caller]
-fn node(name: &str, argument: &str) -> String {
-    let module = workspace().join("www/src/wasm/lpr_wasm_bg.wasm");
-    assert!(module.is_file(), "{} is missing: run `make page` first", module.display());
+pub(crate) fn node(name: &str, argument: &str, module: &str) -> String {
+    assert!(workspace().join(module).is_file(), "{module} is missing: run `make page planner` first");
     let script = workspace().join("tests/node").join(name);
     let output = Command::new("node").arg(script).arg(argument).output().expect("node is installed");
     assert!(output.status.success(), "{}", text(&output.stderr));
@@ -36,7 +35,8 @@ fn node(name: &str, argument: &str) -> String {
 
 fn wasm_hashes() -> Vec<String> {
     let scenes: Vec<_> = scenes().into_iter().map(|(task, robot)| (task, robot, SEED)).collect();
-    serde_json::from_str(&node("world_hash.mjs", &serde_json::to_string(&scenes).unwrap())).unwrap()
+    let argument = serde_json::to_string(&scenes).unwrap();
+    serde_json::from_str(&node("world_hash.mjs", &argument, "www/src/wasm/lpr_wasm_bg.wasm")).unwrap()
 }
 
 #[test]
