@@ -3,6 +3,7 @@
 mod architecture;
 mod bad_input;
 mod checkpoints;
+mod dependencies;
 mod evaluation;
 mod events;
 mod interrupted;
