@@ -11,6 +11,7 @@ mod lpr;
 mod output;
 mod page;
 mod planner;
+mod public_api;
 mod runs;
 mod scenes;
 mod serve;
