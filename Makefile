@@ -2,9 +2,9 @@
 # set would build all of burn once more. lpr-wasm/build.sh builds without it.
 ALL := --locked --workspace --features lpr-core/ndarray
 
-.PHONY: check fmt lint doc page gallery test test-doc tools faults bench-wasm
+.PHONY: check fmt lint doc page planner gallery test test-doc package tools faults bench-wasm
 
-check: fmt lint doc page test test-doc
+check: fmt lint doc page planner test test-doc package
 
 fmt:
 	cargo fmt --all --check
@@ -29,6 +29,10 @@ tools:
 
 test-doc:
 	cargo test $(ALL) --doc
+
+# lpr-core as others get it: packed, unpacked, and planning alone built into a program of its own.
+package:
+	tests/package.sh
 
 # Physics in wasm beside native code, measured in turn.
 bench-wasm:

@@ -1,13 +1,24 @@
 #!/usr/bin/env bash
-# Builds lpr-wasm for the page: the module with the first toolchain that can (rustup's target, else Debian's rustc-web, which
-# builds the standard library from source), then its JavaScript with wasm-bindgen, into www/src/wasm.
-# Usage: lpr-wasm/build.sh [directory for build products, default target-wasm].
+# Builds lpr-wasm: the module with the first toolchain that can (rustup's target, else Debian's rustc-web, which builds the
+# standard library from source), then its JavaScript with wasm-bindgen. For the page into www/src/wasm; the planner alone, without
+# networks and simulator, into lpr-wasm/pkg.
+# Usage: lpr-wasm/build.sh [page|plan] [directory for build products, default target-wasm].
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 target=wasm32-unknown-unknown
+out=www/src/wasm
+selection=()
+case ${1:-} in
+    page) shift ;;
+    plan)
+        shift
+        out=lpr-wasm/pkg
+        selection=(--no-default-features)
+        ;;
+esac
 target_dir=${1:-${LPR_WASM_TARGET_DIR:-target-wasm}}
-arguments=(build --locked --profile wasm --target "$target" -p lpr-wasm)
+arguments=(build --locked --profile wasm --target "$target" -p lpr-wasm "${selection[@]}")
 # The flags that the module needs are in .cargo/config.toml; this variable would replace them.
 unset RUSTFLAGS
 
@@ -49,6 +60,6 @@ else
 fi
 
 generator=$(wasm_bindgen)
-"$generator" --target web --remove-name-section --remove-producers-section --out-dir www/src/wasm "$built/$target/wasm/lpr_wasm.wasm"
-module=www/src/wasm/lpr_wasm_bg.wasm
+"$generator" --target web --remove-name-section --remove-producers-section --out-dir "$out" "$built/$target/wasm/lpr_wasm.wasm"
+module=$out/lpr_wasm_bg.wasm
 echo "lpr-wasm: $module, $(stat -c %s "$module") bytes, $(gzip -9c "$module" | wc -c) with gzip"

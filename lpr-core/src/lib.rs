@@ -58,3 +58,7 @@ pub mod train;
 pub use error::{Error, Result};
 pub use glam;
 pub use glamx;
+
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+mod readme {}

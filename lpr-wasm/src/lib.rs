@@ -1,12 +1,24 @@
-//! What the demo page calls: a thin wasm-bindgen shell over [`lpr_core`].
+//! What JavaScript calls: a thin wasm-bindgen shell over [`lpr_core`].
 //!
-//! Everything that it does is in [`demo`] and, for tests, in [`check`], plain Rust that is tested natively; the shell turns values
-//! into what JavaScript takes: typed arrays for poses, JSON for the rest.
+//! Everything that it does is plain Rust that is tested natively: [`planner`] and, with the feature `page`, [`demo`] and [`check`].
+//! The shell turns values into what JavaScript takes: typed arrays for poses, JSON for the rest.
+//!
+//! Without the feature `page` it is a planner alone, without networks and simulator: `lpr-wasm/build.sh plan`.
 
+#[cfg(feature = "page")]
 pub mod check;
+#[cfg(feature = "page")]
 pub mod demo;
+#[cfg(feature = "page")]
+mod page;
+#[cfg(feature = "page")]
 pub mod plan;
+pub mod planner;
+#[cfg(feature = "page")]
 pub mod scene;
+
+#[cfg(feature = "page")]
+pub use page::{CandidatesBench, Demo, Execution, PhysicsBench, Picture, demonstration_hash};
 
 use serde::Serialize;
 use wasm_bindgen::prelude::{JsError, wasm_bindgen};
@@ -25,197 +37,48 @@ pub fn start() {
     console_error_panic_hook::set_once();
 }
 
-/// An agent in a scene: [`demo::Demo`].
+/// An arm among obstacles: [`planner::Planner`].
 #[derive(Debug)]
 #[wasm_bindgen]
-pub struct Demo(demo::Demo);
-
-/// What came of a macro action: [`demo::Execution`].
-#[derive(Debug)]
-#[wasm_bindgen]
-pub struct Execution(demo::Execution);
-
-/// A picture.
-#[derive(Debug)]
-#[wasm_bindgen]
-pub struct Picture {
-    rgb: Vec<u8>,
-    size: [usize; 2],
-}
+pub struct Planner(planner::Planner);
 
 #[wasm_bindgen]
-impl Demo {
-    /// The agent of a `weights.safetensors` in scene `seed` of its task.
+impl Planner {
+    /// The arm called `robot` among [`planner::Obstacles`] as JSON.
     ///
     /// # Errors
     ///
-    /// As [`demo::Demo::new`].
+    /// As [`planner::Planner::new`], and when the JSON is none.
     #[wasm_bindgen(constructor)]
-    pub fn new(weights: &[u8], seed: u32) -> Result<Self, JsError> {
-        Ok(Self(demo::Demo::new(weights, u64::from(seed))?))
+    pub fn new(robot: &str, obstacles: &str) -> Result<Self, JsError> {
+        Ok(Self(planner::Planner::new(robot, &serde_json::from_str(obstacles)?)?))
     }
 
-    /// Starts the episode of scene `seed`.
+    /// [`planner::Planner::configurations`] for a [`planner::Request`] as JSON, as JSON.
     ///
     /// # Errors
     ///
-    /// As [`demo::Demo::reset`].
-    pub fn reset(&mut self, seed: u32) -> Result<(), JsError> {
-        Ok(self.0.reset(u64::from(seed))?)
+    /// As there, and when the JSON is none.
+    pub fn configurations(&self, request: &str, n: usize) -> Result<String, JsError> {
+        json(&self.0.configurations(&serde_json::from_str(request)?, n)?)
     }
 
-    /// [`scene::SceneView`] as JSON.
+    /// [`planner::Planner::plan`] for a [`planner::Request`] as JSON, as JSON.
     ///
     /// # Errors
     ///
-    /// When a number of it has no JSON.
-    pub fn scene(&self) -> Result<String, JsError> {
-        json(&self.0.scene())
+    /// As there, and when the JSON is none.
+    pub fn plan(&self, request: &str) -> Result<String, JsError> {
+        json(&self.0.plan(&serde_json::from_str(request)?)?)
     }
 
-    /// [`demo::Demo::poses`].
-    #[must_use]
-    pub fn poses(&self) -> Vec<f32> {
-        self.0.poses()
-    }
-
-    /// [`demo::Demo::picture`].
-    #[must_use]
-    pub fn picture(&mut self) -> Picture {
-        let (rgb, size) = self.0.picture();
-        Picture { rgb, size }
-    }
-
-    /// [`plan::Plan`] as JSON.
+    /// [`planner::Planner::candidates`] for a [`planner::Request`] as JSON, as JSON.
     ///
     /// # Errors
     ///
-    /// As [`demo::Demo::plan`].
-    pub fn plan(&mut self) -> Result<String, JsError> {
-        json(&self.0.plan()?)
-    }
-
-    /// [`demo::Demo::ghost`].
-    ///
-    /// # Errors
-    ///
-    /// As there.
-    pub fn ghost(&self, candidate: usize) -> Result<Vec<f32>, JsError> {
-        Ok(self.0.ghost(candidate)?)
-    }
-
-    /// [`demo::Demo::execute`].
-    ///
-    /// # Errors
-    ///
-    /// As there.
-    pub fn execute(&mut self, candidate: usize) -> Result<Execution, JsError> {
-        Ok(Execution(self.0.execute(candidate)?))
-    }
-}
-
-#[wasm_bindgen]
-impl Execution {
-    /// [`demo::Execution::poses`].
-    #[must_use]
-    pub fn poses(&self) -> Vec<f32> {
-        self.0.poses.clone()
-    }
-
-    /// [`demo::Outcome`] as JSON.
-    ///
-    /// # Errors
-    ///
-    /// When a number of it has no JSON.
-    pub fn outcome(&self) -> Result<String, JsError> {
-        json(&self.0.outcome)
-    }
-}
-
-#[wasm_bindgen]
-impl Picture {
-    /// Rows × columns × RGB.
-    #[must_use]
-    pub fn rgb(&self) -> Vec<u8> {
-        self.rgb.clone()
-    }
-
-    /// Pixels of a row.
-    #[must_use]
-    #[wasm_bindgen(getter)]
-    pub fn width(&self) -> usize {
-        self.size[0]
-    }
-
-    /// Rows.
-    #[must_use]
-    #[wasm_bindgen(getter)]
-    pub fn height(&self) -> usize {
-        self.size[1]
-    }
-}
-
-/// [`check::demonstration_hash`].
-///
-/// # Errors
-///
-/// As there.
-#[wasm_bindgen]
-pub fn demonstration_hash(task: &str, robot: &str, seed: u32) -> Result<String, JsError> {
-    Ok(check::demonstration_hash(task, robot, u64::from(seed))?)
-}
-
-/// [`check::PhysicsBench`].
-#[derive(Debug)]
-#[wasm_bindgen]
-pub struct PhysicsBench(check::PhysicsBench);
-
-#[wasm_bindgen]
-impl PhysicsBench {
-    /// [`check::PhysicsBench::new`].
-    ///
-    /// # Errors
-    ///
-    /// As there.
-    #[wasm_bindgen(constructor)]
-    pub fn new() -> Result<Self, JsError> {
-        Ok(Self(check::PhysicsBench::new()?))
-    }
-
-    /// [`check::PhysicsBench::run`].
-    ///
-    /// # Errors
-    ///
-    /// As there.
-    pub fn run(&mut self, n_steps: u32) -> Result<String, JsError> {
-        Ok(self.0.run(n_steps)?)
-    }
-}
-
-/// [`check::CandidatesBench`].
-#[derive(Debug)]
-#[wasm_bindgen]
-pub struct CandidatesBench(check::CandidatesBench);
-
-#[wasm_bindgen]
-impl CandidatesBench {
-    /// [`check::CandidatesBench::new`].
-    ///
-    /// # Errors
-    ///
-    /// As there.
-    #[wasm_bindgen(constructor)]
-    pub fn new() -> Result<Self, JsError> {
-        Ok(Self(check::CandidatesBench::new()?))
-    }
-
-    /// [`check::CandidatesBench::run`].
-    ///
-    /// # Errors
-    ///
-    /// As there.
-    pub fn run(&self, step: u32) -> Result<String, JsError> {
-        Ok(self.0.run(u64::from(step))?)
+    /// As there, and when the JSON is none.
+    pub fn candidates(&self, request: &str) -> Result<String, JsError> {
+        json(&self.0.candidates(&serde_json::from_str(request)?)?)
     }
 }
 

@@ -2,7 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use lpr_tests::{output_of, project_files, workspace};
+use lpr_tests::{project_files, workspace};
 use std::path::{Path, PathBuf};
 
 /// Longest Rust file, lines.
@@ -56,18 +56,6 @@ fn has_word(code: &str, word: &str) -> bool {
     })
 }
 
-/// Packages that `lpr-core` is built from on this machine with the given features.
-fn core_dependencies(features: &[&str]) -> Vec<String> {
-    let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned());
-    let tree = ["tree", "--offline", "--locked", "-p", "lpr-core", "-e", "normal,build", "--prefix", "none", "--format", "{p}"];
-    let tree = output_of(&cargo, &[&tree, features].concat());
-    let mut names: Vec<_> = tree.lines().filter_map(|line| line.split(' ').next()).map(str::to_owned).collect();
-    names.sort();
-    names.dedup();
-    assert!(names.contains(&"glamx".to_owned()), "{names:?}");
-    names
-}
-
 #[test]
 fn words_are_found_whole() {
     assert!(has_word("use std::fs;", "std::fs") && has_word("std::fs::read(a)", "std::fs"));
@@ -83,21 +71,6 @@ fn the_core_has_no_files_sockets_clock_or_threads_of_its_own() {
     // The same modules in a grouped import.
     let grouped: Vec<_> = core.into_iter().filter(|line| line.code.contains("use std::{")).collect();
     assert_absent(&grouped, &modules);
-}
-
-#[test]
-fn the_core_is_built_without_sockets_and_browser() {
-    let dependencies = core_dependencies(&[]);
-    for foreign in ["axum", "hyper", "mio", "reqwest", "tokio", "web-sys"] {
-        assert!(!dependencies.iter().any(|name| name == foreign), "lpr-core depends on {foreign}");
-    }
-}
-
-#[test]
-fn planning_alone_is_built_without_networks_and_simulator() {
-    for name in core_dependencies(&["--no-default-features"]) {
-        assert!(!name.starts_with("burn") && !name.starts_with("rapier") && name != "rayon", "planning alone depends on {name}");
-    }
 }
 
 #[test]

@@ -3,13 +3,16 @@
 mod architecture;
 mod bad_input;
 mod checkpoints;
+mod dependencies;
 mod evaluation;
 mod events;
 mod interrupted;
 mod lpr;
 mod output;
 mod page;
+mod planner;
 mod planning;
+mod public_api;
 mod runs;
 mod scenes;
 mod serve;

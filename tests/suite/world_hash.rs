@@ -12,6 +12,9 @@ use std::process::Command;
 /// A validation scene: the test scenes are for reported results.
 const SEED: u64 = 1000;
 
+/// The page's module.
+const PAGE: &str = "www/src/wasm/lpr_wasm_bg.wasm";
+
 /// Task and robot of every demonstration.
 fn scenes() -> Vec<(&'static str, &'static str)> {
     TASKS.iter().flat_map(|task| ROBOTS.map(|robot| (task.name, robot.name))).collect()
@@ -23,11 +26,10 @@ fn native_hashes(n_threads: usize) -> Vec<String> {
     pool.install(|| scenes().into_iter().map(hash).collect())
 }
 
-/// What `tests/node/NAME` prints for an argument.
+/// What `tests/node/NAME` prints for an argument; it needs `module`, a file of the workspace.
 #[track_caller]
-fn node(name: &str, argument: &str) -> String {
-    let module = workspace().join("www/src/wasm/lpr_wasm_bg.wasm");
-    assert!(module.is_file(), "{} is missing: run `make page` first", module.display());
+pub(crate) fn node(name: &str, argument: &str, module: &str) -> String {
+    assert!(workspace().join(module).is_file(), "{module} is missing: run `make page planner` first");
     let script = workspace().join("tests/node").join(name);
     let output = Command::new("node").arg(script).arg(argument).output().expect("node is installed");
     assert!(output.status.success(), "{}", text(&output.stderr));
@@ -36,7 +38,8 @@ fn node(name: &str, argument: &str) -> String {
 
 fn wasm_hashes() -> Vec<String> {
     let scenes: Vec<_> = scenes().into_iter().map(|(task, robot)| (task, robot, SEED)).collect();
-    serde_json::from_str(&node("world_hash.mjs", &serde_json::to_string(&scenes).unwrap())).unwrap()
+    let argument = serde_json::to_string(&scenes).unwrap();
+    serde_json::from_str(&node("world_hash.mjs", &argument, PAGE)).unwrap()
 }
 
 #[test]
@@ -58,7 +61,7 @@ fn the_planners_paths_and_the_curves_are_the_same_with_one_thread_two_threads_an
         let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
         pool.install(|| (0..STEPS).map(|step| bench.run(step).unwrap()).collect::<Vec<String>>())
     });
-    let wasm: Vec<String> = serde_json::from_str(&node("candidates.mjs", &STEPS.to_string())).unwrap();
+    let wasm: Vec<String> = serde_json::from_str(&node("candidates.mjs", &STEPS.to_string(), PAGE)).unwrap();
     assert_eq!(one, two);
     assert_eq!(one, wasm);
 }

@@ -1,0 +1,57 @@
+//! Planning alone in wasm: as small as a page can afford, and the same bits as natively.
+
+#![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use crate::world_hash::node;
+use lpr_wasm::planner::Planner;
+use serde_json::{Value, json};
+
+/// Most bytes of the module with gzip.
+const MAX_BYTES: u64 = 400_000;
+
+/// Robot, obstacles and request, as JSON: a post in the way, a wall of points, and a goal out of reach.
+fn questions() -> Vec<(&'static str, Value, Value)> {
+    let start = [0.0, -0.3, 0.0, 0.9, 0.0, 1.2, 0.0];
+    let panda_start = [0.0, -0.5, 0.0, -2.2, 0.0, 1.8, 0.8];
+    let request = |start: [f32; 7], position: [f32; 3]| json!({"start": start, "goal": {"position": position, "rotation_xyzw": [1.0, 0.0, 0.0, 0.0]}, "seed": 7});
+    let place = json!({"position": [0.35, 0.2, 0.3], "rotation_xyzw": [0.0, 0.0, 0.0, 1.0]});
+    let post = json!({"solids": [{"shape": {"cylinder": {"radius": 0.05, "half_length": 0.3}}, "place": place}]});
+    let points: Vec<_> = (0..500_u16).map(|i| [0.3 + 0.02 * f32::from(i % 25), 0.15, 0.02 * f32::from(i / 25)]).collect();
+    vec![
+        ("xarm7", post.clone(), request(start, [0.35, 0.4, 0.15])),
+        ("xarm7", json!({ "points": points }), request(start, [0.4, 0.35, 0.15])),
+        ("panda", post, request(panda_start, [0.4, 0.35, 0.15])),
+        ("xarm7", json!({}), request(start, [2.0, 0.0, 0.15])),
+    ]
+}
+
+/// What the module's methods answer, natively.
+fn native_answers(robot: &str, obstacles: &Value, request: &Value) -> [String; 3] {
+    let planner = Planner::new(robot, &serde_json::from_value(obstacles.clone()).unwrap()).unwrap();
+    let request = serde_json::from_value(request.clone()).unwrap();
+    [
+        serde_json::to_string(&planner.configurations(&request, 20).unwrap()).unwrap(),
+        serde_json::to_string(&planner.plan(&request).unwrap()).unwrap(),
+        serde_json::to_string(&planner.candidates(&request).unwrap()).unwrap(),
+    ]
+}
+
+#[test]
+fn planning_alone_in_wasm_is_small_and_gives_the_same_bits() {
+    let questions = questions();
+    let printed = node("planner.mjs", &serde_json::to_string(&questions).unwrap(), "lpr-wasm/pkg/lpr_wasm_bg.wasm");
+    let printed: Value = serde_json::from_str(&printed).unwrap();
+    let bytes = printed["gzip_bytes"].as_u64().unwrap();
+    assert!((1..=MAX_BYTES).contains(&bytes), "{bytes} bytes");
+    let wasm: Vec<[String; 3]> = serde_json::from_value(printed["answers"].clone()).unwrap();
+    assert_eq!(wasm.len(), questions.len());
+    for ((robot, obstacles, request), wasm) in questions.iter().zip(&wasm) {
+        assert_eq!(*wasm, native_answers(robot, obstacles, request), "{robot} {request}");
+    }
+    let configurations: Vec<Value> = serde_json::from_str(&wasm[0][0]).unwrap();
+    assert_eq!(configurations.len(), 20);
+    for (found, [_, plan, _]) in [true, true, true, false].iter().zip(&wasm) {
+        assert_eq!(plan.contains("\"found\""), *found, "{plan}");
+    }
+    assert_eq!(wasm[3], ["[]", r#"{"rejected":"unreachable"}"#, &wasm[3][2]]);
+}
