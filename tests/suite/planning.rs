@@ -216,6 +216,7 @@ fn descriptions_that_are_broken_or_do_not_go_with_the_arm_are_refused() {
     assert!(refusal(&srdf, 2).contains("--srdf: only for a URDF file"));
     let planner = ["plan", "--problems", &configs, "--planner", "guess"];
     assert!(refusal(&planner, 2).contains("guess"));
-    let range = ["plan", "--problems", &configs, "--range", "0"];
-    assert!(refusal(&range, 2).contains("above 0"));
+    for (option, value, says) in [("--range", "0", "from 0.001 to 100"), ("--checks-per-radian", "inf", "from 1 to 10000")] {
+        assert!(refusal(&["plan", "--problems", &configs, option, value], 2).contains(says));
+    }
 }

@@ -13,6 +13,8 @@ use glamx::Vec3;
 
 /// Configurations of a motion are a multiple of this, so that they do not depend on the width of the vectors.
 const BLOCK: usize = 8;
+/// Most configurations of a motion: their fractions are exact in f32.
+const MAX_STEPS: usize = 1 << 24;
 /// Lanes of the widest vectors.
 pub(super) const MAX_WIDTH: usize = 16;
 
@@ -30,13 +32,13 @@ pub(super) struct Checked {
     pub(super) n_checks: u64,
 }
 
-/// Whether the arm is free at `n_steps` (or a few more) configurations equally spaced between `a`, which is not among them, and
-/// `b`, which is.
+/// Whether the arm is free at `n_steps` (or a few more, at most [`MAX_STEPS`]) configurations equally spaced between `a`, which is
+/// not among them, and `b`, which is.
 pub(super) fn motion_is_free(scene: &Scene, arm: &ArmSpheres, a: &JointConfig, b: &JointConfig, n_steps: usize) -> Checked {
     if !(a.is_finite() && b.is_finite()) {
         return Checked { is_free: false, n_checks: 0 };
     }
-    dispatch!(arm.level, simd => rake(simd, scene, arm, a, b, n_steps.max(1).next_multiple_of(BLOCK)))
+    dispatch!(arm.level, simd => rake(simd, scene, arm, a, b, n_steps.clamp(1, MAX_STEPS).next_multiple_of(BLOCK)))
 }
 
 /// Lanes are spread evenly over the motion and step back together: a collision anywhere shows early.

@@ -206,3 +206,12 @@ fn an_arm_of_too_many_links_is_refused() {
     chain.links.extend((0..MAX_LINKS).map(|_| link.clone()));
     assert!(ArmSpheres::from_chain(&chain).unwrap_err().to_string().contains("at most 32"));
 }
+
+#[test]
+fn a_resolution_beyond_all_bounds_is_one_that_ends() {
+    let arm = gantry(0.1);
+    let scene = Scene::from_primitives(vec![Primitive::Sphere { center: Vec3::ZERO, radius: 0.1 }]);
+    let [a, b] = [-1.0, 1.0].map(|x| JointConfig([x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
+    assert!(!MotionChecker::new(&scene, &arm, f32::MAX).motion_is_free(&a, &b));
+    assert!(!MotionChecker::new(&scene, &arm, f32::INFINITY).motion_is_free(&a, &b));
+}

@@ -27,10 +27,10 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "NAMES", value_parser = planner, value_delimiter = ',', default_value = "rrt-connect")]
     planner: Vec<PlannerKind>,
     /// Longest edge of a tree, radians
-    #[arg(long, value_name = "RADIANS", default_value_t = 1.0, value_parser = positive)]
+    #[arg(long, value_name = "RADIANS", default_value_t = 1.0, value_parser = range)]
     range: f32,
     /// Configurations looked at for each radian of a motion
-    #[arg(long, value_name = "N", default_value_t = 32.0, value_parser = positive)]
+    #[arg(long, value_name = "N", default_value_t = 32.0, value_parser = resolution)]
     checks_per_radian: f32,
     /// Seed of the samples
     #[arg(long, default_value_t = 0)]
@@ -52,11 +52,17 @@ fn planner(name: &str) -> Result<PlannerKind, String> {
         .ok_or_else(|| format!("unknown planner '{name}', known: {}", known()))
 }
 
-fn positive(text: &str) -> Result<f32, String> {
-    match text.parse::<f32>() {
-        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
-        _ => Err("expected a number above 0".to_owned()),
-    }
+fn range(text: &str) -> Result<f32, String> {
+    within(text, 0.001, 100.0)
+}
+
+fn resolution(text: &str) -> Result<f32, String> {
+    within(text, 1.0, 10_000.0)
+}
+
+fn within(text: &str, low: f32, high: f32) -> Result<f32, String> {
+    let value = text.parse::<f32>().ok().filter(|value| (low..=high).contains(value));
+    value.ok_or_else(|| format!("expected a number from {low} to {high}"))
 }
 
 #[derive(Debug, Serialize)]
