@@ -77,8 +77,13 @@ pub(crate) struct Runs {
 
 impl Runs {
     pub(crate) fn new() -> Self {
+        Self::with(&[])
+    }
+
+    /// With other values of some settings.
+    pub(crate) fn with(changes: &[(&str, &str)]) -> Self {
         let folder = Folder::new();
-        let preset = folder.write("small.toml", preset(&[]));
+        let preset = folder.write("small.toml", preset(changes));
         Self { folder, preset }
     }
 
