@@ -45,6 +45,10 @@ page: www/node_modules
 	lpr-wasm/build.sh
 	cd www && npm run build
 
+# Planning alone in wasm, in lpr-wasm/pkg.
+planner:
+	lpr-wasm/build.sh plan
+
 www/node_modules: www/package-lock.json
 	cd www && npm ci --ignore-scripts --no-audit --no-fund
 	touch $@
