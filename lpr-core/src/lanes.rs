@@ -86,3 +86,26 @@ pub(crate) fn sincos<S: Simd>(simd: S, angle: Floats<S>) -> (Floats<S>, Floats<S
     let (s, c) = (is_odd.select(cosine, sine), is_odd.select(sine, cosine));
     (sine_is_negative.select(-s, s), cosine_is_negative.select(-c, c))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use fearless_simd::{Level, dispatch};
+
+    #[inline(always)]
+    fn errors<S: Simd>(simd: S, angle: f32) -> [f64; 2] {
+        let (sin, cos) = sincos(simd, splat(simd, angle));
+        let (exact_sin, exact_cos) = libm::sincos(f64::from(angle));
+        [(f64::from(sin[0]) - exact_sin).abs(), (f64::from(cos[0]) - exact_cos).abs()]
+    }
+
+    #[test]
+    fn sine_and_cosine_are_exact_to_rounding_over_the_joints_two_turns() {
+        let level = Level::new();
+        for i in -70_000_i32..=70_000 {
+            let angle = 1e-4 * i as f32;
+            let [sin, cos] = dispatch!(level, simd => errors(simd, angle));
+            assert!(sin < 2e-7 && cos < 2e-7, "{angle}: {sin}, {cos}");
+        }
+    }
+}
