@@ -3,6 +3,7 @@
 //! Trigonometry goes through `libm` and nothing is fused, so that native code and wasm agree bit for bit.
 
 use super::{DOF, Error, HAND, JointConfig, N_LINKS, ROBOTS, Result, Robot};
+use core::f64::consts::FRAC_PI_2;
 use glamx::{DPose3, DQuat, DVec3, Pose3};
 
 impl Robot {
@@ -101,13 +102,28 @@ impl super::Joint {
     /// `parent_from_joint` at angle `q`: `Rx(alpha) Tx(a) Rz(q) Tz(d)`.
     #[must_use]
     pub fn transform(&self, q: f64) -> DPose3 {
-        let (sin_x, cos_x) = libm::sincos(0.5 * self.alpha);
+        let [(sin_x, cos_x), (sin_alpha, cos_alpha)] = sincos_of_twist(self.alpha);
         let (sin_z, cos_z) = libm::sincos(0.5 * q);
-        let (sin_alpha, cos_alpha) = libm::sincos(self.alpha);
         DPose3::from_parts(
             DVec3::new(self.a, -sin_alpha * self.d, cos_alpha * self.d),
             DQuat::from_xyzw(sin_x * cos_z, -sin_x * sin_z, cos_x * sin_z, cos_x * cos_z),
         )
+    }
+}
+
+/// Sine and cosine of half the twist and of the twist.
+///
+/// Those of right angles, which most joints have, are written down: they would be two thirds of the trigonometry of an arm.
+fn sincos_of_twist(alpha: f64) -> [(f64, f64); 2] {
+    const SIN_45: f64 = 0.707_106_781_186_547_5;
+    const COS_45: f64 = 0.707_106_781_186_547_6;
+    const COS_90: f64 = 6.123_233_995_736_766e-17;
+    if alpha == 0.0 {
+        [(0.0, 1.0); 2]
+    } else if alpha.abs() == FRAC_PI_2 {
+        [(SIN_45.copysign(alpha), COS_45), (1.0_f64.copysign(alpha), COS_90)]
+    } else {
+        [libm::sincos(0.5 * alpha), libm::sincos(alpha)]
     }
 }
 
@@ -140,6 +156,13 @@ mod tests {
                     }
                 }
             }
+        }
+    }
+
+    #[test]
+    fn sines_that_are_written_down_are_those_of_libm() {
+        for alpha in [0.0, FRAC_PI_2, -FRAC_PI_2] {
+            assert_eq!(sincos_of_twist(alpha), [libm::sincos(0.5 * alpha), libm::sincos(alpha)]);
         }
     }
 
