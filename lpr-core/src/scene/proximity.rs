@@ -33,18 +33,19 @@ struct Placed<'a> {
 }
 
 impl Scene {
-    /// Every pair of a link and a solid, a cloud or another link that are less than `reach` (metres) apart.
+    /// Every pair of a link and a solid, a cloud or another link that are less than `reach` (metres) apart; none whose contact is
+    /// allowed.
     #[must_use]
     pub fn proximities(&self, arm: &ArmSpheres, config: &JointConfig, reach: f32) -> Vec<Proximity> {
         let placed = Placed { arm, frames: arm.frames(config) };
         let mut found = Vec::new();
-        for link in &arm.links {
+        for (idx, link) in arm.links.iter().enumerate() {
             let points = match link.part {
                 ArmPart::Base => continue,
                 ArmPart::Arm => &self.arm_points,
                 ArmPart::Hand => &self.hand_points,
             };
-            let from_solids = self.primitives().filter_map(|solid| placed.nearest_to_solid(link, solid, reach));
+            let from_solids = self.solids.forbidden(1 << idx).filter_map(|solid| placed.nearest_to_solid(link, solid, reach));
             let from_points = placed.nearest_to_points(link, points, reach);
             let nearest = from_solids.chain(from_points);
             found.extend(nearest.map(|near| placed.proximity(near.gap.distance, &[(link, near.center, near.gap.normal)])));

@@ -14,6 +14,8 @@ const UPRIGHT_SLACK: f32 = 1e-6;
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(super) struct Solids {
     primitives: Vec<Primitive>,
+    /// Bits of the links that may touch each primitive, as in its tag.
+    allowed: Vec<u32>,
     balls: Vec<Ball>,
     upright_boxes: Vec<UprightBox>,
     boxes: Vec<OrientedBox>,
@@ -120,6 +122,7 @@ impl Solids {
             Primitive::Hull { faces } => self.hulls.push(HullFaces { tag, faces: faces.clone() }),
         }
         self.primitives.push(primitive);
+        self.allowed.push(0);
     }
 
     fn push_box(&mut self, tag: Tag, world_from_box: &Pose3, half_extents: Vec3) {
@@ -141,11 +144,17 @@ impl Solids {
         let tags = tags.chain(self.cylinders.iter_mut().map(|solid| &mut solid.tag));
         let tags = tags.chain(self.hulls.iter_mut().map(|solid| &mut solid.tag));
         tags.filter(|tag| tag.primitive == primitive).for_each(|tag| tag.allowed |= bits);
+        self.allowed[primitive] |= bits;
     }
 
     /// The solids.
     pub(super) fn primitives(&self) -> impl Iterator<Item = &Primitive> {
         self.primitives.iter()
+    }
+
+    /// The solids that the link of `bit` must not touch.
+    pub(super) fn forbidden(&self, bit: u32) -> impl Iterator<Item = &Primitive> {
+        self.primitives.iter().zip(&self.allowed).filter(move |(_, allowed)| *allowed & bit == 0).map(|(solid, _)| solid)
     }
 
     /// Whether in any lane a solid meets a sphere of `link`, whose bounding sphere has its centre at `bound`.

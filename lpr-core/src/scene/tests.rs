@@ -200,6 +200,21 @@ fn a_contact_that_is_allowed_is_so_for_that_link_and_that_obstacle_alone() {
 }
 
 #[test]
+fn planners_that_optimise_do_not_shy_away_from_a_contact_that_is_allowed() {
+    /// Metres.
+    const REACH: f32 = 0.2;
+    let robot = stick_arm();
+    let arm = ArmSpheres::new(&robot);
+    let ball = Primitive::Sphere { center: robot.grip(&robot.start).translation, radius: 0.06 };
+    let mut scene = Scene::from_primitives(vec![ball]);
+    let deepest =
+        |scene: &Scene| scene.proximities(&arm, &robot.start, REACH).iter().fold(REACH, |least, near| near.distance.min(least));
+    assert!(deepest(&scene) < 0.0);
+    scene.allow_contact(&arm, "hand", 0).unwrap();
+    assert!(deepest(&scene) > 0.0);
+}
+
+#[test]
 fn an_arm_of_too_many_links_is_refused() {
     let mut chain = Chain::from_robot(&stick_arm());
     let link = chain.links[1].clone();
