@@ -17,6 +17,7 @@ const SETTINGS: CandidateSettings = CandidateSettings {
     planner: PlannerKind::RrtConnect,
     planner_paths: 8,
     bezier_paths: 8,
+    screw_paths: 0,
     planner_collision_free_fraction: 0.5,
     draws_per_path: 5,
     min_goal_distance: 0.2,

@@ -1,6 +1,6 @@
 //! What JavaScript calls: a thin wasm-bindgen shell over [`lpr_core`].
 //!
-//! Everything that it does is plain Rust that is tested natively: [`planner`] and, with the feature `page`, [`demo`] and [`check`].
+//! Everything that it does is plain Rust that is tested natively: [`planner`], [`trajectory`] and, with the feature `page`, [`demo`] and [`check`].
 //! The shell turns values into what JavaScript takes: typed arrays for poses, JSON for the rest.
 //!
 //! Without the feature `page` it is a planner alone, without networks and simulator: `lpr-wasm/build.sh plan`.
@@ -16,6 +16,7 @@ pub mod plan;
 pub mod planner;
 #[cfg(feature = "page")]
 pub mod scene;
+pub mod trajectory;
 
 #[cfg(feature = "page")]
 pub use page::{CandidatesBench, Demo, Execution, PhysicsBench, Picture, demonstration_hash};
@@ -79,6 +80,15 @@ impl Planner {
     /// As there, and when the JSON is none.
     pub fn candidates(&self, request: &str) -> Result<String, JsError> {
         json(&self.0.candidates(&serde_json::from_str(request)?)?)
+    }
+
+    /// [`planner::Planner::trajectory`] for a [`trajectory::TrajectoryRequest`] as JSON, as JSON.
+    ///
+    /// # Errors
+    ///
+    /// As there, and when the JSON is none.
+    pub fn trajectory(&self, request: &str) -> Result<String, JsError> {
+        json(&self.0.trajectory(&serde_json::from_str(request)?)?)
     }
 }
 

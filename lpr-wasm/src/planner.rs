@@ -17,6 +17,7 @@ pub const CANDIDATES: CandidateSettings = CandidateSettings {
     planner: PlannerKind::RrtConnect,
     planner_paths: 20,
     bezier_paths: 20,
+    screw_paths: 0,
     planner_collision_free_fraction: 0.5,
     draws_per_path: 5,
     min_goal_distance: 0.2,
@@ -163,6 +164,15 @@ impl Planner {
         Ok(Self { robot, arm: ArmSpheres::new(robot), scene })
     }
 
+    pub(crate) const fn robot(&self) -> &'static Robot {
+        self.robot
+    }
+
+    /// What looks at motions, at that many configurations for each radian.
+    pub(crate) const fn checker(&self, checks_per_radian: f32) -> MotionChecker<'_> {
+        MotionChecker::new(&self.scene, &self.arm, checks_per_radian)
+    }
+
     /// Up to `n` distinct configurations of the goal, of each the winding nearest the start.
     ///
     /// # Errors
@@ -185,7 +195,7 @@ impl Planner {
     pub fn plan(&self, request: &Request) -> Result<Outcome> {
         let start = request.start()?;
         let goals = self.configurations(request, CANDIDATES.planner_paths)?;
-        let checker = MotionChecker::new(&self.scene, &self.arm, PLANNER.checks_per_radian);
+        let checker = self.checker(PLANNER.checks_per_radian);
         let rng = &mut stream(u64::from(request.seed), Stream::Planner, 0);
         let plan = match rrt_connect(&checker, &start, &goals, &PLANNER, rng) {
             Ok(plan) => plan,

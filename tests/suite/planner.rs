@@ -3,7 +3,8 @@
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use crate::world_hash::node;
-use lpr_wasm::planner::Planner;
+use lpr_wasm::planner::{Outcome, Planner};
+use lpr_wasm::trajectory::TrajectoryRequest;
 use serde_json::{Value, json};
 
 /// Most bytes of the module with gzip.
@@ -25,33 +26,54 @@ fn questions() -> Vec<(&'static str, Value, Value)> {
     ]
 }
 
+/// How fast a plan is driven.
+fn motion_settings() -> Value {
+    json!({"speed": 0.5, "max_jerk": 300.0, "max_grip_speed": 0.5, "period": 0.02})
+}
+
+/// The motion along a plan, natively, if there is one.
+fn native_motion(planner: &Planner, plan: &Outcome) -> Option<String> {
+    let Outcome::Found(found) = plan else { return None };
+    let mut request = motion_settings();
+    request["path"] = json!(found.path);
+    let request: TrajectoryRequest = serde_json::from_value(request).unwrap();
+    let motion = planner.trajectory(&request).unwrap();
+    assert!(motion.times.len() > 10);
+    Some(serde_json::to_string(&motion).unwrap())
+}
+
 /// What the module's methods answer, natively.
-fn native_answers(robot: &str, obstacles: &Value, request: &Value) -> [String; 3] {
+fn native_answers(robot: &str, obstacles: &Value, request: &Value) -> [Option<String>; 4] {
     let planner = Planner::new(robot, &serde_json::from_value(obstacles.clone()).unwrap()).unwrap();
     let request = serde_json::from_value(request.clone()).unwrap();
+    let plan = planner.plan(&request).unwrap();
     [
-        serde_json::to_string(&planner.configurations(&request, 20).unwrap()).unwrap(),
-        serde_json::to_string(&planner.plan(&request).unwrap()).unwrap(),
-        serde_json::to_string(&planner.candidates(&request).unwrap()).unwrap(),
+        serde_json::to_string(&planner.configurations(&request, 20).unwrap()).ok(),
+        serde_json::to_string(&plan).ok(),
+        serde_json::to_string(&planner.candidates(&request).unwrap()).ok(),
+        native_motion(&planner, &plan),
     ]
 }
 
 #[test]
 fn planning_alone_in_wasm_is_small_and_gives_the_same_bits() {
     let questions = questions();
-    let printed = node("planner.mjs", &serde_json::to_string(&questions).unwrap(), "lpr-wasm/pkg/lpr_wasm_bg.wasm");
+    let printed = node("planner.mjs", &json!([questions, motion_settings()]).to_string(), "lpr-wasm/pkg/lpr_wasm_bg.wasm");
     let printed: Value = serde_json::from_str(&printed).unwrap();
     let bytes = printed["gzip_bytes"].as_u64().unwrap();
     assert!((1..=MAX_BYTES).contains(&bytes), "{bytes} bytes");
-    let wasm: Vec<[String; 3]> = serde_json::from_value(printed["answers"].clone()).unwrap();
+    let wasm: Vec<[Option<String>; 4]> = serde_json::from_value(printed["answers"].clone()).unwrap();
     assert_eq!(wasm.len(), questions.len());
     for ((robot, obstacles, request), wasm) in questions.iter().zip(&wasm) {
         assert_eq!(*wasm, native_answers(robot, obstacles, request), "{robot} {request}");
     }
-    let configurations: Vec<Value> = serde_json::from_str(&wasm[0][0]).unwrap();
+    let configurations: Vec<Value> = serde_json::from_str(wasm[0][0].as_ref().unwrap()).unwrap();
     assert_eq!(configurations.len(), 20);
-    for (found, [_, plan, _]) in [true, true, true, false].iter().zip(&wasm) {
-        assert_eq!(plan.contains("\"found\""), *found, "{plan}");
+    for (found, [_, plan, _, motion]) in [true, true, true, false].iter().zip(&wasm) {
+        assert_eq!(plan.as_ref().is_some_and(|plan| plan.contains("\"found\"")), *found, "{plan:?}");
+        assert_eq!(motion.is_some(), *found);
     }
-    assert_eq!(wasm[3], ["[]", r#"{"rejected":"unreachable"}"#, &wasm[3][2]]);
+    let bends = |motion: &str| serde_json::from_str::<Value>(motion).unwrap()["deviation"].as_f64() > Some(0.0);
+    assert!(wasm.iter().any(|[.., motion]| motion.as_deref().is_some_and(bends)), "some plan is not straight");
+    assert_eq!(wasm[3][..2], ["[]", r#"{"rejected":"unreachable"}"#].map(|answer| Some(answer.to_owned())));
 }

@@ -172,6 +172,8 @@ fn files_for_planning_are_refused_by_their_field() {
         problem[key] = replaced;
         refused(problem)
     };
+    let other_arm = folder.write("b.json", r#"{"robot": "panda", "problems": []}"#);
+    assert!(refusal(&["plan", "--problems", &other_arm], 1).contains("b.json: robot: is panda, --robot is xarm7"));
     let unit = value!([0, 0, 0, 1]);
     for (error, says) in [
         (with("start", value!([0, 0])), "problems[0].start: has 2 joint angles, xarm7 has 7"),

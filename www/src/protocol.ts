@@ -31,7 +31,7 @@ export interface SceneView {
   workspace: [Vec3, Vec3];
 }
 
-export type Source = 'planner' | 'bezier' | 'policy' | 'linear';
+export type Source = 'planner' | 'bezier' | 'policy' | 'linear' | 'screw';
 
 /** `lpr_wasm::plan::Candidate`. */
 export interface Candidate {

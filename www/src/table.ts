@@ -4,7 +4,7 @@ import { css } from './colors';
 import type { Plan, Source } from './protocol';
 import { candidateColors } from './view';
 
-const NAMES: Record<Source, string> = { planner: 'planner', bezier: 'Bézier', policy: 'policy', linear: 'linear' };
+const NAMES: Record<Source, string> = { planner: 'planner', bezier: 'Bézier', policy: 'policy', linear: 'linear', screw: 'screw' };
 
 /** Words for the reasons why a draw gives no path. */
 const REASONS: Record<string, string> = {

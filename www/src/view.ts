@@ -16,6 +16,7 @@ const LINES: Record<Source, { width: number; dash?: number }> = {
   bezier: { width: 1.5, dash: 0.012 },
   policy: { width: 4 },
   linear: { width: 2.5 },
+  screw: { width: 2.5, dash: 0.03 },
 };
 const EMPHASIS = { winner: 5, pointed: 4 };
 /** What an emphasised line has around it, so that it stands out from those of its colour. */

@@ -89,6 +89,7 @@ enum StoredSource {
     Bezier,
     Policy,
     Linear,
+    Screw,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -279,6 +280,7 @@ impl From<Source> for StoredSource {
             Source::Bezier => Self::Bezier,
             Source::Policy => Self::Policy,
             Source::Linear => Self::Linear,
+            Source::Screw => Self::Screw,
         }
     }
 }
@@ -290,6 +292,7 @@ impl From<StoredSource> for Source {
             StoredSource::Bezier => Self::Bezier,
             StoredSource::Policy => Self::Policy,
             StoredSource::Linear => Self::Linear,
+            StoredSource::Screw => Self::Screw,
         }
     }
 }

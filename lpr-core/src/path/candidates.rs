@@ -10,10 +10,12 @@
 //!   nothing is in the way.
 //! - When the goal pose has fewer than `M` distinct configurations, the checked planner paths share them with other samples of
 //!   `RRTConnect`; a path that comes out twice is kept once.
+//! - A screw motion of the grip can be asked for besides; no preset does.
 
 use super::bezier::{BezierCurve, BezierSettings};
 use super::planner::{PlannerKind, PlannerSettings, plan_with};
 use super::rrt_connect::RrtSettings;
+use super::screw::ScrewMotion;
 use super::{JointPath, Rejection, Source, shortcut};
 use crate::error::{Error, Result};
 use crate::rng::{self, Rng, Stream};
@@ -34,6 +36,10 @@ pub struct CandidateSettings {
     pub bezier_paths: usize,
     /// Share of the planner paths that are planned with collision checking on, 0 to 1 ("a portion" in the paper).
     pub planner_collision_free_fraction: f32,
+    /// Screw motions of the grip asked for, 0 or 1: there is one from start to goal. Beyond the paper; settings files that do not
+    /// say mean none.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub screw_paths: usize,
     /// Draws for every path before it is given up.
     pub draws_per_path: usize,
     /// Two goal configurations differ by more than this in some joint, radians.
@@ -59,6 +65,7 @@ impl CandidateSettings {
         let n_paths = self.planner_paths.max(self.bezier_paths);
         let rules = [
             (self.path_len >= 2, "path_len: at least 2"),
+            (self.screw_paths <= 1, "screw_paths: 0 or 1"),
             (self.draws_per_path >= 1, "draws_per_path: at least 1"),
             (n_paths.saturating_mul(self.draws_per_path) <= MAX_DRAWS, "paths times draws_per_path: at most 65536"),
             ((0.0..=1.0).contains(&self.planner_collision_free_fraction), "planner_collision_free_fraction: 0 to 1"),
@@ -69,6 +76,11 @@ impl CandidateSettings {
         ];
         rules.iter().find(|(holds, _)| !holds).map_or(Ok(()), |(_, rule)| Err(Error::Config((*rule).to_owned())))
     }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands a reference to what decides on skipping")]
+const fn is_zero(n: &usize) -> bool {
+    *n == 0
 }
 
 /// What a candidate set is asked for.
@@ -124,7 +136,7 @@ pub struct RejectedPath {
     pub reason: Rejection,
 }
 
-/// The candidates (`Ξ` in the paper) and what was rejected, both in the order planner, Bézier, policy.
+/// The candidates (`Ξ` in the paper) and what was rejected, both in the order planner, Bézier, screw, policy.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CandidateSet {
     /// Paths to rank.
@@ -179,6 +191,7 @@ pub fn candidates(query: &PathQuery<'_>, settings: &CandidateSettings, streams: 
     let mut set = CandidateSet { candidates: Vec::new(), rejected: Vec::new() };
     set.add(Source::Planner, generator.planner_paths(&goals));
     set.add(Source::Bezier, generator.bezier_paths(&goals));
+    set.add(Source::Screw, generator.screw_paths(&goals));
     if let Some(proposal) = query.policy_path {
         let lengths = set.candidates.iter().map(|candidate| candidate.path.length());
         let mean = (!set.candidates.is_empty()).then(|| lengths.sum::<f32>() / set.candidates.len() as f32);
@@ -258,6 +271,21 @@ impl Generator<'_> {
                 Ok(path.resample(self.settings.path_len))
             })
         })
+    }
+
+    /// The screw motion, if it is asked for.
+    fn screw_paths(&self, goals: &[JointConfig]) -> Vec<Outcome> {
+        let outcome = || match goals {
+            [] => Rejection::Unreachable.into(),
+            _ => self.screw_path().unwrap_or_else(Outcome::from),
+        };
+        (0..self.settings.screw_paths).map(|_| outcome()).collect()
+    }
+
+    fn screw_path(&self) -> Result<Outcome, Rejection> {
+        let PathQuery { robot, start, goal, .. } = self.query;
+        let path = ScrewMotion::between(&robot.grip(start), goal).to_joints(robot, start)?;
+        Ok(self.admitted(path.resample(self.settings.path_len), Vec::new()))
     }
 
     /// The policy's path with its ends moved to the start and the nearest goal configuration; `mean_length` is that of the other

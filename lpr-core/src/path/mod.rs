@@ -182,6 +182,8 @@ pub enum Source {
     Policy,
     /// A straight line of the grip (the baseline's first try).
     Linear,
+    /// The screw motion of the grip to the goal (beyond the paper).
+    Screw,
 }
 
 impl Source {
@@ -193,6 +195,7 @@ impl Source {
             Self::Bezier => "bezier",
             Self::Policy => "policy",
             Self::Linear => "linear",
+            Self::Screw => "screw",
         }
     }
 }

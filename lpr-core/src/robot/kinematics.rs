@@ -3,7 +3,7 @@
 //! Trigonometry goes through `libm` and nothing is fused, so that native code and wasm agree bit for bit.
 
 use super::{DOF, Error, HAND, JointConfig, N_LINKS, ROBOTS, Result, Robot};
-use core::f64::consts::FRAC_PI_2;
+use core::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2};
 use glamx::{DPose3, DQuat, DVec3, Pose3};
 
 impl Robot {
@@ -115,13 +115,13 @@ impl super::Joint {
 ///
 /// Those of right angles, which most joints have, are written down: they would be two thirds of the trigonometry of an arm.
 fn sincos_of_twist(alpha: f64) -> [(f64, f64); 2] {
+    /// One unit in the last place below the cosine.
     const SIN_45: f64 = 0.707_106_781_186_547_5;
-    const COS_45: f64 = 0.707_106_781_186_547_6;
     const COS_90: f64 = 6.123_233_995_736_766e-17;
     if alpha == 0.0 {
         [(0.0, 1.0); 2]
     } else if alpha.abs() == FRAC_PI_2 {
-        [(SIN_45.copysign(alpha), COS_45), (1.0_f64.copysign(alpha), COS_90)]
+        [(SIN_45.copysign(alpha), FRAC_1_SQRT_2), (1.0_f64.copysign(alpha), COS_90)]
     } else {
         [libm::sincos(0.5 * alpha), libm::sincos(alpha)]
     }

@@ -123,6 +123,9 @@ pub(super) fn write_action(action: &Action, result: &StepResult, metrics: &mut M
     metrics.push_mean("value/mean", action.values.iter().flatten().copied());
     metrics.push("candidates/planner", action.n_from(Source::Planner) as f32);
     metrics.push("candidates/bezier", action.n_from(Source::Bezier) as f32);
+    if action.n_from(Source::Screw) > 0 {
+        metrics.push("candidates/screw", 1.0);
+    }
     metrics.push("candidates/rejected", action.set.rejected.len() as f32);
     metrics.push("policy/valid", action.n_from(Source::Policy) as f32);
     let is_policy = action.path().is_some_and(|path| path.source == Source::Policy);

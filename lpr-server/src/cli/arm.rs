@@ -63,6 +63,16 @@ impl Arm {
         Self { chain, closed_form, start }
     }
 
+    /// Refuses a file that is for another of the built-in arms. What other arms are called is up to whoever describes them.
+    pub(super) fn check_name(&self, name: &str, path: &Path) -> Result<()> {
+        match &self.closed_form {
+            Some(built_in) if built_in.name != name && Robot::by_name(name).is_ok() => {
+                Err(FileError::content(path, format!("robot: is {name}, --robot is {}", built_in.name)).into())
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// The configuration that a file has in `field`: one number for each joint.
     pub(super) fn config(&self, values: &[f32], path: &Path, field: &str) -> Result<JointConfig> {
         let dof = self.chain.dof();

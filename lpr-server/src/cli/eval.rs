@@ -11,7 +11,6 @@ use lpr_core::agent::{Agent, Init, Method, Networks, PoseSource};
 use lpr_core::config::Config;
 use lpr_core::evaluate::{Evaluation, Shown, best_of_all, evaluate, evaluate_shown, measure_regret};
 use lpr_core::nn::Backend;
-use lpr_core::path::Source;
 use lpr_core::perception::Camera;
 use lpr_core::robot::{ROBOTS, Robot};
 use lpr_core::sim::SimEnvironment;
@@ -117,20 +116,11 @@ pub(super) fn evaluation_report(task: &str, method: &str, found: &Evaluation) ->
         successes: found.successes,
         success_rate: found.success_rate(),
         wilson95: found.wilson95(),
-        chosen: found.chosen.iter().map(|(source, count)| (source_name(*source), *count)).collect(),
+        chosen: found.chosen.iter().map(|(source, count)| (source.name(), *count)).collect(),
         failures: found.failures.clone(),
         policy_valid: found.policy_valid,
         steps: found.steps,
         regret: None,
-    }
-}
-
-const fn source_name(source: Source) -> &'static str {
-    match source {
-        Source::Planner => "planner",
-        Source::Bezier => "bezier",
-        Source::Policy => "policy",
-        Source::Linear => "linear",
     }
 }
 

@@ -32,7 +32,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "K|all", default_value = "0", value_parser = KeyframeChoice::parse)]
     keyframe: KeyframeChoice,
     /// Run directory whose agent proposes and values the paths
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["sigma", "collision_free_fraction"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["sigma", "collision_free_fraction", "screw"])]
     checkpoint: Option<PathBuf>,
     /// Execute every candidate, each from the same snapshot
     #[arg(long)]
@@ -43,6 +43,9 @@ pub(super) struct Arguments {
     /// Share of the planner's paths that are planned with collision checking on [default: that of the preset fast]
     #[arg(long, value_name = "SHARE")]
     collision_free_fraction: Option<f32>,
+    /// With the screw motion of the grip besides, which no preset has
+    #[arg(long)]
+    screw: bool,
     /// Contact force on the arm that ends an episode, newtons
     #[arg(long, value_name = "NEWTONS", default_value_t = SimParams::STANDARD.abort_force)]
     abort_force: f32,
@@ -117,6 +120,9 @@ struct CandidateRow {
 struct Summary {
     planner: SourceRow,
     bezier: SourceRow,
+    /// Only where it is asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    screw: Option<SourceRow>,
     /// Only with a checkpoint whose agent has a policy.
     #[serde(skip_serializing_if = "Option::is_none")]
     policy: Option<SourceRow>,
@@ -146,6 +152,8 @@ struct KeyframeRow {
     shortest_free: Option<f64>,
     planner: Option<f64>,
     bezier: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    screw: Option<f64>,
     /// Any candidate.
     random: Option<f64>,
     /// Some candidate.
@@ -264,6 +272,7 @@ fn settings(arguments: &Arguments) -> Result<CandidateSettings> {
     if let Some(fraction) = arguments.collision_free_fraction {
         settings.planner_collision_free_fraction = fraction;
     }
+    settings.screw_paths = usize::from(arguments.screw);
     settings.check()?;
     Ok(settings)
 }
@@ -342,11 +351,12 @@ fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
 }
 
 fn summary(drawn: &[Drawn]) -> Summary {
-    let policy = source_row(Source::Policy, drawn);
+    let if_drawn = |source| Some(source_row(source, drawn)).filter(|row| row.drawn > 0);
     Summary {
         planner: source_row(Source::Planner, drawn),
         bezier: source_row(Source::Bezier, drawn),
-        policy: (policy.drawn > 0).then_some(policy),
+        screw: if_drawn(Source::Screw),
+        policy: if_drawn(Source::Policy),
         best_of_all: mean(drawn.iter().filter_map(Drawn::best_of_all)),
     }
 }
@@ -377,6 +387,7 @@ fn keyframe_row(keyframe: usize, drawn: &[Drawn]) -> Option<KeyframeRow> {
         shortest_free: share(&Drawn::shortest_free),
         planner: share(&|drawn| drawn.share(|trial| trial.source == Source::Planner)),
         bezier: share(&|drawn| drawn.share(|trial| trial.source == Source::Bezier)),
+        screw: share(&|drawn| drawn.share(|trial| trial.source == Source::Screw)),
         random: share(&|drawn| drawn.share(|_| true)),
         best_of_all: share(&Drawn::best_of_all),
     })
@@ -386,8 +397,9 @@ impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { task, robot, episodes, skipped_seeds, keyframes, summary, .. } = self;
         writeln!(f, "{task}, {robot}: {} of {episodes} episodes", *episodes as usize - skipped_seeds.len())?;
-        let rows = [("planner", Some(summary.planner)), ("bezier", Some(summary.bezier)), ("policy", summary.policy)];
-        for (source, row) in rows.into_iter().filter_map(|(source, row)| Some((source, row?))) {
+        let rows = [Some(summary.planner), Some(summary.bezier), summary.screw, summary.policy];
+        let rows = ["planner", "bezier", "screw", "policy"].into_iter().zip(rows);
+        for (source, row) in rows.filter_map(|(source, row)| Some((source, row?))) {
             write!(f, "  {source:<8} {:>5} drawn {:>5} admitted", row.drawn, row.admitted)?;
             row.successes.map_or(Ok(()), |successes| write!(f, " {successes:>5} successes"))?;
             writeln!(f)?;

@@ -113,6 +113,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
     let arm = arguments.arm.load()?;
     let spheres = ArmSpheres::from_chain(&arm.chain)?;
     let file = problems::read_problems(&arguments.problems)?;
+    arm.check_name(&file.robot, &arguments.problems)?;
     let mut results = Vec::new();
     for (idx, problem) in file.problems.iter().enumerate() {
         let query = Query::read(arguments, &arm, problem, idx)?;

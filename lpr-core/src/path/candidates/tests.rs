@@ -1,6 +1,6 @@
 use super::*;
 use crate::path::{c2farm_path, linear_candidate};
-use crate::robot::ROBOTS;
+use crate::robot::{ROBOTS, XARM7};
 use crate::scene::stick_arm::stick_arm;
 use crate::scene::{Holding, ObstacleQuery, Primitive, obstacle_scene};
 use glamx::{Quat, Vec2, Vec3};
@@ -13,6 +13,7 @@ fn settings() -> CandidateSettings {
         path_len: 10,
         planner_paths: 8,
         bezier_paths: 6,
+        screw_paths: 0,
         planner_collision_free_fraction: 0.5,
         draws_per_path: 5,
         min_goal_distance: 0.2,
@@ -299,4 +300,35 @@ fn settings_out_of_range_are_named() {
         let Err(Error::Config(message)) = settings.check() else { panic!("{name} was accepted") };
         assert!(message.contains(name), "{message}");
     }
+}
+
+#[test]
+fn a_screw_motion_joins_the_set_where_it_is_asked_for_and_moves_no_other_path() {
+    let (robot, scene) = (&XARM7, Scene::empty());
+    let start = robot.grip(&robot.start);
+    // A door's handle, 30 cm from its hinge, opened by half a radian.
+    let hinge = start.translation + Vec3::new(0.0, 0.3, 0.0);
+    let turn = Quat::from_rotation_z(-0.5);
+    let opened = Pose3::from_parts(hinge + turn * (start.translation - hinge), turn * start.rotation);
+    let query = query(robot, &scene, opened);
+    let without = candidates(&query, &settings(), STREAMS);
+    let with = candidates(&query, &CandidateSettings { screw_paths: 1, ..settings() }, STREAMS);
+    let (screws, others): (Vec<_>, Vec<_>) = with.candidates.into_iter().partition(|candidate| candidate.source == Source::Screw);
+    assert_eq!((others, with.rejected), (without.candidates, without.rejected));
+    let [CandidatePath { path, .. }] = screws.as_slice() else { panic!("{} screws", screws.len()) };
+    assert_eq!(path.configs().len(), settings().path_len);
+    for config in path.configs() {
+        let grip = robot.grip(config).translation;
+        assert!((grip.distance(hinge) - 0.3).abs() < 2e-3, "{} from the hinge", grip.distance(hinge));
+    }
+}
+
+#[test]
+fn a_screw_motion_out_of_reach_is_rejected_with_the_reason() {
+    let (robot, scene) = (stick_arm(), Scene::empty());
+    let query = query(&robot, &scene, goal(&robot, [3.0, 0.0, 0.0]));
+    let set = candidates(&query, &CandidateSettings { screw_paths: 1, ..settings() }, STREAMS);
+    assert_eq!(reasons(&set, Source::Screw), [Rejection::Unreachable]);
+    let two = CandidateSettings { screw_paths: 2, ..settings() };
+    assert!(two.check().unwrap_err().to_string().contains("screw_paths"));
 }
