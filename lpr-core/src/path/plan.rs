@@ -24,8 +24,8 @@ pub struct Plan {
 
 /// The straight motion to a goal if one is free, else what `search` finds to the goals that are.
 ///
-/// The path found is looked at once more, at [`FINER`] times the checker's resolution. Should it turn out to hit something
-/// between two checks, the search is repeated at that resolution.
+/// The edges of the path found, which `search` has checked, are looked at once more half-way between those checks. Should one turn
+/// out to hit something there, the search is repeated at [`FINER`] times the resolution.
 pub(super) fn search_twice(
     checker: &MotionChecker<'_>,
     start: &JointConfig,
@@ -34,15 +34,14 @@ pub(super) fn search_twice(
 ) -> Result<Plan, Rejection> {
     let goals = free_goals(checker, start, goals)?;
     let mut search = |checker: &MotionChecker<'_>| straight(checker, start, &goals).map_or_else(|| search(checker, &goals), Ok);
+    let plan = search(checker)?;
+    if plan.path.configs().windows(2).all(|edge| checker.is_free_between(&edge[0], &edge[1])) {
+        return Ok(plan);
+    }
     let fine = checker.finer(FINER);
-    let plan = match search(checker) {
-        Ok(plan) if !fine.path_is_free(plan.path.configs()) => {
-            search(&fine).map(|finer| Plan { iterations: plan.iterations + finer.iterations, ..finer })
-        }
-        result => result,
-    };
+    let finer = search(&fine);
     checker.count(&fine);
-    plan
+    finer.map(|finer| Plan { iterations: plan.iterations + finer.iterations, ..finer })
 }
 
 /// The goals that touch nothing.

@@ -14,7 +14,7 @@ use glamx::Vec3;
 /// Configurations of a motion are a multiple of this, so that they do not depend on the width of the vectors.
 const BLOCK: usize = 8;
 /// Most configurations of a motion: their fractions are exact in f32.
-const MAX_STEPS: usize = 1 << 24;
+const MAX_STEPS: usize = 1 << 23;
 /// Lanes of the widest vectors.
 pub(super) const MAX_WIDTH: usize = 16;
 
@@ -32,22 +32,42 @@ pub(super) struct Checked {
     pub(super) n_checks: u64,
 }
 
-/// Whether the arm is free at `n_steps` (or a few more, at most [`MAX_STEPS`]) configurations equally spaced between `a`, which is
-/// not among them, and `b`, which is.
-pub(super) fn motion_is_free(scene: &Scene, arm: &ArmSpheres, a: &JointConfig, b: &JointConfig, n_steps: usize) -> Checked {
-    if !(a.is_finite() && b.is_finite()) {
+/// Where the configurations of a motion lie in its equal steps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Looks {
+    /// At the end of each.
+    Ends,
+    /// In the middle of each.
+    Middles,
+}
+
+/// A straight motion and where to look at it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Sampled<'a> {
+    pub(super) a: &'a JointConfig,
+    pub(super) b: &'a JointConfig,
+    /// Equal steps from `a` to `b`; a few more are taken, at most [`MAX_STEPS`].
+    pub(super) n_steps: usize,
+    pub(super) looks: Looks,
+}
+
+/// Whether the arm is free at the configurations of a motion.
+pub(super) fn motion_is_free(scene: &Scene, arm: &ArmSpheres, motion: Sampled<'_>) -> Checked {
+    if !(motion.a.is_finite() && motion.b.is_finite()) {
         return Checked { is_free: false, n_checks: 0 };
     }
-    dispatch!(arm.level, simd => rake(simd, scene, arm, a, b, n_steps.clamp(1, MAX_STEPS).next_multiple_of(BLOCK)))
+    let motion = Sampled { n_steps: motion.n_steps.clamp(1, MAX_STEPS).next_multiple_of(BLOCK), ..motion };
+    dispatch!(arm.level, simd => rake(simd, scene, arm, motion))
 }
 
 /// Lanes are spread evenly over the motion and step back together: a collision anywhere shows early.
 #[inline(always)]
-fn rake<S: Simd>(simd: S, scene: &Scene, arm: &ArmSpheres, a: &JointConfig, b: &JointConfig, n: usize) -> Checked {
+fn rake<S: Simd>(simd: S, scene: &Scene, arm: &ArmSpheres, motion: Sampled<'_>) -> Checked {
+    let Sampled { a, b, n_steps: n, looks } = motion;
     let width = Floats::<S>::LEN;
     let stride = n.div_ceil(width);
     for step in 0..stride {
-        let fraction = fractions(simd, stride, step, n);
+        let fraction = fractions(simd, stride, step, n, looks);
         let mut q = [fraction; DOF];
         for j in 0..DOF {
             q[j] = fraction * (b[j] - a[j]) + a[j];
@@ -59,12 +79,13 @@ fn rake<S: Simd>(simd: S, scene: &Scene, arm: &ArmSpheres, a: &JointConfig, b: &
     Checked { is_free: true, n_checks: n as u64 }
 }
 
-/// Where on a motion of `n` steps the lanes are; those beyond the end look at the end again.
+/// Where on a motion of `n` steps the lanes are; those beyond the last look there again.
 #[inline(always)]
-fn fractions<S: Simd>(simd: S, stride: usize, step: usize, n: usize) -> Floats<S> {
+fn fractions<S: Simd>(simd: S, stride: usize, step: usize, n: usize, looks: Looks) -> Floats<S> {
+    let before = if looks == Looks::Middles { 0.5 } else { 0.0 };
     let mut fractions = [0.0; MAX_WIDTH];
     for (lane, fraction) in fractions.iter_mut().enumerate() {
-        *fraction = ((lane + 1) * stride - step).min(n) as f32;
+        *fraction = ((lane + 1) * stride - step).min(n) as f32 - before;
     }
     Floats::<S>::from_slice(simd, &fractions[..Floats::<S>::LEN]) / n as f32
 }

@@ -30,6 +30,7 @@ pub use signed_distance::SignedDistance;
 
 use crate::error::{Error, Result};
 use crate::robot::JointConfig;
+use block::{Looks, Sampled};
 use glamx::Vec3;
 use solids::Solids;
 
@@ -110,7 +111,7 @@ impl Scene {
     /// Whether the arm at `config` meets neither the scene nor itself.
     #[must_use]
     pub fn is_free(&self, arm: &ArmSpheres, config: &JointConfig) -> bool {
-        block::motion_is_free(self, arm, config, config, 1).is_free
+        block::motion_is_free(self, arm, Sampled { a: config, b: config, n_steps: 1, looks: Looks::Ends }).is_free
     }
 }
 

@@ -1,6 +1,7 @@
 //! Checks of straight joint-space motions.
 
-use super::{ArmSpheres, Proximity, Scene, block};
+use super::block::{self, Looks, Sampled};
+use super::{ArmSpheres, Proximity, Scene};
 use crate::robot::JointConfig;
 use core::cell::Cell;
 use core::fmt;
@@ -85,8 +86,18 @@ impl<'a> MotionChecker<'a> {
     /// It is looked at in equal steps: eight, or a multiple of eight.
     #[must_use]
     pub fn motion_is_free(&self, a: &JointConfig, b: &JointConfig) -> bool {
+        self.look(a, b, Looks::Ends)
+    }
+
+    /// Whether a motion that [`Self::motion_is_free`] found free, in whichever direction, is so half-way between the
+    /// configurations that it looked at.
+    pub(crate) fn is_free_between(&self, a: &JointConfig, b: &JointConfig) -> bool {
+        self.look(a, b, Looks::Middles)
+    }
+
+    fn look(&self, a: &JointConfig, b: &JointConfig, looks: Looks) -> bool {
         let n_steps = libm::ceilf(a.distance(b) * self.checks_per_radian) as usize;
-        let checked = block::motion_is_free(self.scene, self.arm, a, b, n_steps);
+        let checked = block::motion_is_free(self.scene, self.arm, Sampled { a, b, n_steps, looks });
         self.n_checks.set(self.n_checks.get() + checked.n_checks);
         checked.is_free
     }
@@ -133,6 +144,29 @@ mod tests {
             assert!(!checker.motion_is_free(&at(-1.2), &at(1.2)), "post at {angle}");
             assert!(!checker.path_is_free(&[at(-1.2), at(1.2)]), "post at {angle}");
         }
+    }
+
+    /// What decides whether a second look finds something: an obstacle so small that the first may step over it.
+    #[test]
+    fn looks_at_and_between_the_checks_are_those_of_twice_the_resolution() {
+        let robot = stick_arm();
+        let arm = ArmSpheres::new(&robot);
+        let at = |turn: f32| JointConfig(core::array::from_fn(|j| if j == 0 { turn } else { robot.start[j] }));
+        let grip = robot.grip(&robot.start).translation.x;
+        let mut n_between_alone = 0;
+        for i in 0..200_u8 {
+            let angle = -1.0 + 0.01 * f32::from(i);
+            let center = Vec3::new(grip * angle.cos(), grip * angle.sin(), robot.grip(&robot.start).translation.z);
+            let scene = Scene::from_primitives(vec![Primitive::Sphere { center, radius: 0.001 }]);
+            // 16 and 32 steps: multiples of a block.
+            let coarse = MotionChecker::new(&scene, &arm, 8.0);
+            let (a, b) = (at(-1.0), at(1.0));
+            let (is_free, is_free_between) = (coarse.motion_is_free(&a, &b), coarse.is_free_between(&a, &b));
+            assert_eq!(is_free && is_free_between, coarse.finer(2.0).motion_is_free(&a, &b), "ball at {angle}");
+            assert_eq!(is_free_between, coarse.is_free_between(&b, &a), "ball at {angle}, backwards");
+            n_between_alone += u32::from(is_free && !is_free_between);
+        }
+        assert!(n_between_alone > 10, "{n_between_alone}");
     }
 
     #[test]

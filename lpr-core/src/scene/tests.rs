@@ -132,13 +132,16 @@ proptest! {
         let b = JointConfig(core::array::from_fn(|j| a[j] + to[j]));
         let scene = Scene::from_primitives(solids(&at, turn, 0.1)).with_points(&points, 0.02);
         let arm = ArmSpheres::new(&stick_arm());
-        let decisions: Vec<bool> =
-            levels().into_iter().map(|level| block::motion_is_free(&scene, &at_level(&arm, level), &a, &b, n_steps).is_free).collect();
-        prop_assert!(decisions.iter().all(|d| *d == decisions[0]), "{:?}", decisions);
-        // A motion is free when all of its configurations are.
         let n = n_steps.next_multiple_of(8);
-        let free = (1..=n).all(|i| scene.is_free(&arm, &a.lerp(&b, i as f32 / n as f32)));
-        prop_assert_eq!(decisions[0], free);
+        for (looks, before) in [(Looks::Ends, 0.0), (Looks::Middles, 0.5)] {
+            let motion = Sampled { a: &a, b: &b, n_steps, looks };
+            let decisions: Vec<bool> =
+                levels().into_iter().map(|level| block::motion_is_free(&scene, &at_level(&arm, level), motion).is_free).collect();
+            prop_assert!(decisions.iter().all(|d| *d == decisions[0]), "{:?}", decisions);
+            // A motion is free when all of its configurations are.
+            let free = (1..=n).all(|i| scene.is_free(&arm, &a.lerp(&b, (i as f32 - before) / n as f32)));
+            prop_assert_eq!(decisions[0], free, "{:?}", looks);
+        }
     }
 }
 

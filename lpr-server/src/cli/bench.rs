@@ -129,7 +129,7 @@ impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{:<40} {:>7} {:>12} {:>12} {:>6}", "name", "threads", "median ms", "least ms", "runs")?;
         self.results.iter().try_for_each(|Row { name, threads, median_ms, min_ms, runs }| {
-            writeln!(f, "{name:<40} {threads:>7} {median_ms:>12.4} {min_ms:>12.4} {runs:>6}")
+            writeln!(f, "{name:<40} {threads:>7} {median_ms:>12.6} {min_ms:>12.6} {runs:>6}")
         })
     }
 }

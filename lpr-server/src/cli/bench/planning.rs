@@ -9,20 +9,26 @@ use lpr_core::path::{
     linear_path, time_optimal,
 };
 use lpr_core::rng::{Stream, stream};
-use lpr_core::robot::{DOF, PANDA, Robot, XARM7};
-use lpr_core::scene::{Holding, ObstacleQuery, obstacle_scene};
+use lpr_core::robot::{DOF, JointConfig, PANDA, Robot, XARM7};
+use lpr_core::scene::{ArmSpheres, Holding, MotionChecker, ObstacleQuery, Primitive, Scene, obstacle_scene};
 use lpr_core::sim::SimEnvironment;
 use lpr_core::sim::tasks::Task;
+use std::hint::black_box;
 
 /// Solutions, curves and paths that are asked for.
 const PATHS: usize = 20;
 /// Configurations of a curve and of a path that is timed.
 const CONFIGS: usize = 50;
+/// Questions of a run that are too short for the clock.
+const MANY: usize = 1000;
 /// Least difference of two solutions in some joint, radians.
 const DISTINCT: f32 = 0.2;
 
 pub(super) fn run() -> Result<Vec<Row>> {
-    let mut rows = vec![ik("ik20_xarm7", &XARM7), ik("ik20_panda", &PANDA), bezier()?];
+    let mut rows = vec![ik("ik20_xarm7", &XARM7), ik("ik20_panda", &PANDA)];
+    rows.extend([fk("fk_xarm7", &XARM7), fk("fk_panda", &PANDA)]);
+    rows.extend([ik_at("ik_at_q7_xarm7", &XARM7), ik_at("ik_at_q7_panda", &PANDA)]);
+    rows.extend([checks(), bezier()?]);
     rows.extend(planner()?);
     rows.push(timing()?);
     Ok(rows)
@@ -34,6 +40,40 @@ fn ik(name: &'static str, robot: &'static Robot) -> Row {
     pose.translation.z -= 0.1;
     let mut rng = stream(0, Stream::Ik, 0);
     measure(name, || robot.ik_distinct(&pose, PATHS, DISTINCT, &robot.start, &mut rng))
+}
+
+/// Configurations on the way from a robot's start to one that differs in every joint.
+fn configs(robot: &Robot) -> Vec<JointConfig> {
+    let end = JointConfig(core::array::from_fn(|j| robot.start[j] + 0.1 * (j + 1) as f32));
+    (0..MANY).map(|i| robot.start.lerp(&end, i as f32 / MANY as f32)).collect()
+}
+
+/// Forward kinematics of the flange.
+fn fk(name: &'static str, robot: &'static Robot) -> Row {
+    let configs = configs(robot);
+    measure(name, || configs.iter().map(|config| robot.flange(config).translation.x).sum::<f64>()).per(MANY)
+}
+
+/// All branches of the closed form at one angle of the last joint.
+fn ik_at(name: &'static str, robot: &'static Robot) -> Row {
+    let questions: Vec<_> = configs(robot).iter().map(|config| (robot.grip(config), f64::from(config[DOF - 1]))).collect();
+    let solutions = |(pose, q7): &(Pose3, f64)| robot.ik_all_at(pose, *q7, &robot.start).len();
+    measure(name, || questions.iter().map(solutions).sum::<usize>()).per(MANY)
+}
+
+/// Eight configurations of the Panda among the boards of a shelf, which the arm does not meet, and itself.
+fn checks() -> Row {
+    let boards = (0..6_u8).map(|i| Primitive::Cuboid {
+        world_from_box: Pose3::from_translation(Vec3::new(0.75, 0.0, 0.25 * f32::from(i))),
+        half_extents: Vec3::new(0.15, 0.4, 0.01),
+    });
+    let (scene, arm) = (Scene::from_primitives(boards.collect()), ArmSpheres::new(&PANDA));
+    let checker = MotionChecker::new(&scene, &arm, 8.0);
+    let end = JointConfig(core::array::from_fn(|j| PANDA.start[j] + if j == 0 { 0.5 } else { 0.0 }));
+    assert!(checker.motion_is_free(&PANDA.start, &end), "the arm turns in front of the shelf");
+    let n_checks = checker.n_checks();
+    assert_eq!(n_checks, 8, "one block");
+    measure("checks_8_panda", || (0..MANY).filter(|_| checker.motion_is_free(&PANDA.start, black_box(&end))).count()).per(MANY)
 }
 
 /// 20 Bézier curves of 50 configurations.
