@@ -7,6 +7,9 @@ use lpr_wasm::planner::{Outcome, Planner};
 use lpr_wasm::trajectory::TrajectoryRequest;
 use serde_json::{Value, json};
 
+/// What `make planner` makes.
+const MODULE: &str = "lpr-wasm/pkg/lpr_wasm_bg.wasm";
+
 /// Most bytes of the module with gzip.
 const MAX_BYTES: u64 = 400_000;
 
@@ -58,7 +61,7 @@ fn native_answers(robot: &str, obstacles: &Value, request: &Value) -> [Option<St
 #[test]
 fn planning_alone_in_wasm_is_small_and_gives_the_same_bits() {
     let questions = questions();
-    let printed = node("planner.mjs", &json!([questions, motion_settings()]).to_string(), "lpr-wasm/pkg/lpr_wasm_bg.wasm");
+    let printed = node("planner.mjs", &json!([questions, motion_settings()]).to_string(), MODULE);
     let printed: Value = serde_json::from_str(&printed).unwrap();
     let bytes = printed["gzip_bytes"].as_u64().unwrap();
     assert!((1..=MAX_BYTES).contains(&bytes), "{bytes} bytes");
@@ -76,4 +79,11 @@ fn planning_alone_in_wasm_is_small_and_gives_the_same_bits() {
     let bends = |motion: &str| serde_json::from_str::<Value>(motion).unwrap()["deviation"].as_f64() > Some(0.0);
     assert!(wasm.iter().any(|[.., motion]| motion.as_deref().is_some_and(bends)), "some plan is not straight");
     assert_eq!(wasm[3][..2], ["[]", r#"{"rejected":"unreachable"}"#].map(|answer| Some(answer.to_owned())));
+}
+
+#[test]
+fn the_program_of_the_readme_plans_a_motion() {
+    let readme = lpr_tests::workspace().join("lpr-wasm/README.md");
+    let printed = node("readme.mjs", &readme.to_string_lossy(), MODULE);
+    assert!(printed.starts_with("20 configurations, ") && printed.contains(" rad in "), "{printed}");
 }
