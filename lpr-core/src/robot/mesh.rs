@@ -10,6 +10,26 @@ use glamx::DVec3;
 pub(super) type Triangle = [DVec3; 3];
 
 /// Reads a mesh by the file name that stands in the description; `None` when there is no such file.
+///
+/// Meshes out of memory, and what is said of one that is not there:
+///
+/// ```
+/// use lpr_core::robot::Chain;
+///
+/// let meshes = |name: &str| (name == "hand.obj").then(|| b"v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 3\n".to_vec());
+/// let urdf = |file: &str| {
+///     format!(
+///         r#"<robot name="hand"><link name="base"/>
+///         <link name="hand"><collision><geometry><mesh filename="{file}"/></geometry></collision></link>
+///         <joint name="turn" type="continuous"><parent link="base"/><child link="hand"/></joint></robot>"#
+///     )
+/// };
+/// let hand = Chain::from_urdf(&urdf("hand.obj"), None, None, &meshes)?;
+/// assert!(!hand.links[1].spheres.is_empty());
+/// let error = Chain::from_urdf(&urdf("claw.obj"), None, None, &meshes).unwrap_err();
+/// assert!(error.to_string().contains("link 'hand', <mesh> on line 2: there is no mesh 'claw.obj'"));
+/// # Ok::<(), lpr_core::Error>(())
+/// ```
 pub type MeshReader<'a> = dyn Fn(&str) -> Option<Vec<u8>> + 'a;
 
 /// Bytes of a binary STL before its triangles: a header and their number.
