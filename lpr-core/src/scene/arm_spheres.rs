@@ -16,6 +16,20 @@ pub(super) const CLUSTER: usize = 4;
 const QUARTER_TURN_SLACK: f64 = 1e-5;
 
 /// The spheres of a robot, its kinematics in f32 and the pairs of links that may meet.
+///
+/// ```
+/// use lpr_core::robot::PANDA;
+/// use lpr_core::scene::ArmSpheres;
+///
+/// let arm = ArmSpheres::new(&PANDA);
+/// let lowest_of_hand = arm
+///     .spheres_at(&PANDA.start)
+///     .filter(|(link, _)| *link == "hand")
+///     .map(|(_, sphere)| sphere.center.z - sphere.radius)
+///     .fold(f32::INFINITY, f32::min);
+/// let grip = PANDA.grip(&PANDA.start).translation;
+/// assert!(lowest_of_hand < grip.z && lowest_of_hand > grip.z - 0.05, "the fingers end just below the grip");
+/// ```
 #[derive(Debug, Clone)]
 pub struct ArmSpheres {
     pub(crate) level: Level,
@@ -96,6 +110,18 @@ impl ArmSpheres {
 
     /// The spheres of an arm that is described at run time.
     ///
+    /// ```
+    /// use lpr_core::robot::{Chain, PANDA};
+    /// use lpr_core::scene::{ArmSpheres, Scene};
+    ///
+    /// let mut chain = Chain::from_robot(&PANDA);
+    /// chain.links.retain(|link| link.name != "hand");
+    /// let arm = ArmSpheres::from_chain(&chain)?;
+    /// assert!(arm.spheres_at(&PANDA.start).all(|(link, _)| link != "hand"));
+    /// assert!(Scene::empty().is_free(&arm, &PANDA.start));
+    /// # Ok::<(), lpr_core::Error>(())
+    /// ```
+    ///
     /// # Errors
     ///
     /// When more than [`MAX_LINKS`] links have spheres.
@@ -120,6 +146,24 @@ impl ArmSpheres {
     /// The arm with an object in its hand: `spheres` in the frame of its tip (of a built-in arm: the flange), metres.
     ///
     /// The object is tested against everything that the hand is, and against every link but those named in `touching`.
+    ///
+    /// A stick that reaches 20 cm beyond the fingers:
+    ///
+    /// ```
+    /// use lpr_core::glamx::{Pose3, Vec3};
+    /// use lpr_core::robot::{Sphere, XARM7};
+    /// use lpr_core::scene::{ArmSpheres, Primitive, Scene};
+    ///
+    /// let flange_from_grip = Pose3::from(XARM7.flange_from_grip);
+    /// let ball = |i: u8| Sphere { center: flange_from_grip * Vec3::new(0.0, 0.0, 0.02 * f32::from(i)), radius: 0.015 };
+    /// let arm = ArmSpheres::new(&XARM7);
+    /// let with_stick = arm.with_attached(&(0..=10).map(ball).collect::<Vec<_>>(), &["hand"])?;
+    ///
+    /// let below = XARM7.grip(&XARM7.start) * Vec3::new(0.0, 0.0, 0.2);
+    /// let scene = Scene::from_primitives(vec![Primitive::Sphere { center: below, radius: 0.05 }]);
+    /// assert!(scene.is_free(&arm, &XARM7.start) && !scene.is_free(&with_stick, &XARM7.start));
+    /// # Ok::<(), lpr_core::Error>(())
+    /// ```
     ///
     /// # Errors
     ///

@@ -20,6 +20,17 @@ const WINDOW: usize = 10;
 const FAR: u8 = (WINDOW * WINDOW) as u8;
 
 /// Balls of one radius around points, with fast queries.
+///
+/// ```
+/// use lpr_core::glamx::Vec3;
+/// use lpr_core::scene::PointCloud;
+///
+/// let cloud = PointCloud::new(&[Vec3::ZERO, Vec3::X, Vec3::NAN], 0.01);
+/// assert_eq!(cloud.points().len(), 2, "what is not finite is dropped");
+/// // Two balls of 1 cm and 4 cm meet at up to 5 cm.
+/// assert!(cloud.touches(Vec3::new(0.0, 0.049, 0.0), 0.04));
+/// assert!(!cloud.touches(Vec3::new(0.0, 0.051, 0.0), 0.04));
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct PointCloud {
     /// Radius of the ball around every point, metres.
@@ -72,6 +83,16 @@ impl PointCloud {
     }
 
     /// The point nearest `center`, if one lies within `reach` of it. Metres.
+    ///
+    /// ```
+    /// use lpr_core::glamx::Vec3;
+    /// use lpr_core::scene::PointCloud;
+    ///
+    /// let cloud = PointCloud::new(&[Vec3::ZERO, Vec3::X], 0.01);
+    /// let asked = Vec3::new(0.7, 0.0, 0.0);
+    /// assert_eq!(cloud.nearest_within(asked, 0.5), Some(Vec3::X));
+    /// assert_eq!(cloud.nearest_within(asked, 0.2), None, "the reach is to the point, not to its ball");
+    /// ```
     #[must_use]
     pub fn nearest_within(&self, center: Vec3, reach: f32) -> Option<Vec3> {
         if self.is_surely_clear(center, reach) {
@@ -90,6 +111,16 @@ impl PointCloud {
     }
 
     /// Whether the grid alone shows that a ball at `center` meets no point: quick, and never wrong when it says yes.
+    ///
+    /// ```
+    /// use lpr_core::glamx::Vec3;
+    /// use lpr_core::scene::PointCloud;
+    ///
+    /// let cloud = PointCloud::new(&[Vec3::ZERO, Vec3::new(0.1, 0.0, 0.0)], 0.01);
+    /// assert!(cloud.is_surely_clear(Vec3::Z, 0.5));
+    /// let between = Vec3::new(0.05, 0.0, 0.0);
+    /// assert!(!cloud.touches(between, 0.03) && !cloud.is_surely_clear(between, 0.03), "clear, at a closer look");
+    /// ```
     #[must_use]
     pub fn is_surely_clear(&self, center: Vec3, radius: f32) -> bool {
         if self.points.is_empty() {
@@ -171,6 +202,15 @@ impl PointCloud {
 /// One point for every cube of side `voxel` (metres) that holds any: the first of `points` in it.
 ///
 /// Points that are not finite are dropped. The result is ordered by cube.
+///
+/// ```
+/// use lpr_core::glamx::Vec3;
+/// use lpr_core::scene::downsample;
+///
+/// let along_x = |x: f32| Vec3::new(x, 0.0, 0.0);
+/// let points = [along_x(0.012), along_x(0.004), along_x(0.018), Vec3::NAN];
+/// assert_eq!(downsample(&points, 0.01), [along_x(0.004), along_x(0.012)]);
+/// ```
 #[must_use]
 pub fn downsample(points: &[Vec3], voxel: f32) -> Vec<Vec3> {
     /// Bits of a cube's index along one axis.
