@@ -10,6 +10,14 @@ use crate::scene::MotionChecker;
 use serde::{Deserialize, Serialize};
 
 /// Which planner.
+///
+/// ```
+/// use lpr_core::path::PlannerKind;
+///
+/// let named = |name: &str| PlannerKind::ALL.into_iter().find(|kind| kind.name() == name);
+/// assert_eq!(named("sbl"), Some(PlannerKind::Sbl));
+/// assert_eq!((named("prm"), PlannerKind::default()), (None, PlannerKind::RrtConnect));
+/// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum PlannerKind {
     /// [`rrt_connect`], the paper's.
@@ -84,6 +92,23 @@ impl PlannerSettings {
 }
 
 /// A free path from `start` to any of `goals` by the planner `kind`.
+///
+/// ```
+/// use lpr_core::path::{PlannerKind, PlannerSettings, Rejection, RrtSettings, plan_with};
+/// use lpr_core::rng::{Stream, stream};
+/// use lpr_core::robot::PANDA;
+/// use lpr_core::scene::{ArmSpheres, MotionChecker, Primitive, Scene};
+///
+/// let around_the_hand = Primitive::Sphere { center: PANDA.grip(&PANDA.start).translation, radius: 0.05 };
+/// let (scene, arm) = (Scene::from_primitives(vec![around_the_hand]), ArmSpheres::new(&PANDA));
+/// let checker = MotionChecker::new(&scene, &arm, 32.0);
+/// let settings = PlannerSettings::standard(RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 5000 });
+/// for kind in PlannerKind::ALL {
+///     let rng = &mut stream(0, Stream::Planner, 0);
+///     let plan = plan_with(kind, &checker, &PANDA.start, &[PANDA.start], &settings, rng);
+///     assert_eq!(plan, Err(Rejection::StartCollides), "{}", kind.name());
+/// }
+/// ```
 ///
 /// # Errors
 ///

@@ -42,6 +42,31 @@ pub struct RrtSettings {
 /// The path found is looked at once more, at [`FINER`](super::FINER) times the checker's resolution. Should it turn out to hit
 /// something between two checks, the search is repeated at that resolution.
 ///
+/// ```
+/// use lpr_core::glamx::Vec3;
+/// use lpr_core::path::{Rejection, RrtSettings, rrt_connect};
+/// use lpr_core::rng::{Stream, stream};
+/// use lpr_core::robot::XARM7;
+/// use lpr_core::scene::{ArmSpheres, MotionChecker, Primitive, Scene};
+///
+/// // A post where the hand is at the start.
+/// let top = XARM7.grip(&XARM7.start).translation;
+/// let post = Primitive::Capsule { a: Vec3 { z: 0.0, ..top }, b: top, radius: 0.03 };
+/// let (scene, arm) = (Scene::from_primitives(vec![post]), ArmSpheres::new(&XARM7));
+/// let checker = MotionChecker::new(&scene, &arm, 32.0);
+/// let settings = RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 5000 };
+/// let (mut start, mut goal) = (XARM7.start, XARM7.start);
+/// (start[0], goal[0]) = (0.7, -0.7);
+///
+/// let plan = rrt_connect(&checker, &start, &[goal], &settings, &mut stream(0, Stream::Planner, 0))?;
+/// assert_eq!((plan.path.start(), plan.path.goal()), (&start, &goal));
+/// assert!(plan.iterations > 0 && checker.path_is_free(plan.path.configs()));
+///
+/// let no_goals = rrt_connect(&checker, &start, &[], &settings, &mut stream(0, Stream::Planner, 0));
+/// assert_eq!(no_goals, Err(Rejection::Unreachable));
+/// # Ok::<(), Rejection>(())
+/// ```
+///
 /// # Errors
 ///
 /// A [`Rejection`]: no goals, ends that collide, or no path within the iterations.
