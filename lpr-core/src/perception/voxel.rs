@@ -96,8 +96,8 @@ impl VoxelSpace {
     ///
     /// When the box has no volume or there are no voxels, or more than 65536 of them (the limit of [`super::CompactGrid`]).
     pub fn new(bounds: VoxelBounds, voxels_per_side: [usize; 3]) -> Result<Self> {
-        let n_voxels: usize = voxels_per_side.iter().product();
-        if !(1..=MAX_VOXELS).contains(&n_voxels) {
+        let n_voxels = voxels_per_side.iter().try_fold(1_usize, |n, count| n.checked_mul(*count));
+        if !n_voxels.is_some_and(|n| (1..=MAX_VOXELS).contains(&n)) {
             return Err(Error::Config(format!("1 to {MAX_VOXELS} voxels, got {voxels_per_side:?}")));
         }
         if !(bounds.min.is_finite() && bounds.size.is_finite() && bounds.size.cmpgt(Vec3::ZERO).all()) {
@@ -374,6 +374,9 @@ pub(super) mod tests {
         let bounds = VoxelBounds::cube(Vec3::ZERO, 1.0);
         assert!(VoxelSpace::new(bounds, [16, 0, 16]).is_err());
         assert!(VoxelSpace::new(bounds, [64, 64, 32]).is_err());
+        assert!(VoxelSpace::new(bounds, [usize::MAX; 3]).is_err());
+        // The product of these is 1 in 64 bits.
+        assert!(VoxelSpace::new(bounds, [3, 0xaaaa_aaaa_aaaa_aaab, 1]).is_err());
         assert!(VoxelSpace::new(VoxelBounds::cube(Vec3::ZERO, 0.0), [16; 3]).is_err());
         assert!(VoxelSpace::new(VoxelBounds::cube(Vec3::NAN, 1.0), [16; 3]).is_err());
     }
