@@ -262,7 +262,7 @@ pub enum Rejection {
     TooFewGoals,
     /// The policy's path is longer than the mean of the others (section IV-B).
     LongerThanMean,
-    /// The policy's path leaves the joint limits.
+    /// Every goal configuration, or the policy's path, is outside the joint limits; so is a start that is not finite.
     OutsideLimits,
 }
 

@@ -59,15 +59,19 @@ pub(super) fn search_twice(
     plan
 }
 
-/// The goals that touch nothing.
+/// The goals within the limits that touch nothing. A start may be beyond its limits: arms stop there, and are to come back.
 fn free_goals(checker: &MotionChecker<'_>, start: &JointConfig, goals: &[JointConfig]) -> Result<Vec<JointConfig>, Rejection> {
     if goals.is_empty() {
         return Err(Rejection::Unreachable);
     }
+    let mut goals: Vec<JointConfig> = goals.iter().copied().filter(|goal| checker.arm().is_within_limits(goal)).collect();
+    if goals.is_empty() || !start.is_finite() {
+        return Err(Rejection::OutsideLimits);
+    }
     if !checker.is_free(start) {
         return Err(Rejection::StartCollides);
     }
-    let goals: Vec<JointConfig> = goals.iter().copied().filter(|goal| checker.is_free(goal)).collect();
+    goals.retain(|goal| checker.is_free(goal));
     if goals.is_empty() { Err(Rejection::GoalCollides) } else { Ok(goals) }
 }
 

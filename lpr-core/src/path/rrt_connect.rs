@@ -25,11 +25,14 @@ const LEAST_DOMAIN: f32 = 1.0;
 /// Relative change of such a distance.
 const ADAPTATION: f32 = 1e-4;
 
+/// Least edge that is asked for, radians: a thousand edges to a radian are slow, a million are none.
+const LEAST_RANGE: f32 = 1e-3;
+
 /// Numbers of [`rrt_connect`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RrtSettings {
-    /// Longest edge, radians of joint-space distance.
+    /// Longest edge, radians of joint-space distance; at least a thousandth.
     pub range: f32,
     /// Configurations checked for each radian of an edge.
     pub checks_per_radian: f32,
@@ -88,6 +91,7 @@ fn search(
     rng: &mut Rng,
 ) -> Result<Plan, Rejection> {
     let bounds = sampling_bounds(checker.arm().limits(), start, goals);
+    let range = settings.range.max(LEAST_RANGE);
     let (mut grown, mut other) = (Side::new(Root::Start, checker, &[*start]), Side::new(Root::Goal, checker, goals));
     for iteration in 1..=settings.max_iterations {
         if checker.is_stopped() {
@@ -97,8 +101,8 @@ fn search(
             core::mem::swap(&mut grown, &mut other);
         }
         let sample = sample_within(&bounds, rng);
-        if let Some(leaf) = grown.extend(&sample, checker, settings.range)
-            && let Some(meeting) = other.connect(grown.tree.config(leaf), checker, settings.range)
+        if let Some(leaf) = grown.extend(&sample, checker, range)
+            && let Some(meeting) = other.connect(grown.tree.config(leaf), checker, range)
         {
             return Ok(Plan { path: join(&grown, leaf, &other, meeting), iterations: iteration });
         }

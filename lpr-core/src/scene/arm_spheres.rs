@@ -124,8 +124,10 @@ impl ArmSpheres {
     ///
     /// # Errors
     ///
-    /// When more than [`MAX_LINKS`] links have spheres.
+    /// When more than [`MAX_LINKS`] links have spheres, there are more than [`DOF`] joints, a frame or sphere is not finite, or a
+    /// link is carried by a joint that there is not.
     pub fn from_chain(chain: &Chain) -> Result<Self> {
+        check_chain(chain)?;
         let mut order: Vec<usize> = (0..chain.links.len()).filter(|&i| !chain.links[i].spheres.is_empty()).collect();
         order.sort_by_key(|&i| core::cmp::Reverse(chain.links[i].body));
         check_count(order.len())?;
@@ -172,7 +174,7 @@ impl ArmSpheres {
         if let Some(name) = touching.iter().find(|name| !self.links.iter().any(|link| link.name == **name)) {
             return Err(Error::Robot(format!("link {name}: is none that has spheres")));
         }
-        if let Some(idx) = spheres.iter().position(|s| !(s.center.is_finite() && s.radius.is_finite() && s.radius >= 0.0)) {
+        if let Some(idx) = spheres.iter().position(is_broken) {
             return Err(Error::Robot(format!("attached sphere {idx}: {:?}", spheres[idx])));
         }
         let mut arm = self.clone();
@@ -198,6 +200,12 @@ impl ArmSpheres {
     #[must_use]
     pub const fn limits(&self) -> &[(f32, f32); DOF] {
         &self.limits
+    }
+
+    /// Whether every joint that there is is within its limits.
+    pub(crate) fn is_within_limits(&self, config: &JointConfig) -> bool {
+        let limits = self.limits.iter().take(self.joints.len());
+        limits.zip(config.iter()).all(|((lower, upper), q)| lower <= q && q <= upper)
     }
 
     /// Frames of the base and of what every joint carries, in f32: quicker than [`Robot::link_frames`] and within a few
@@ -243,6 +251,30 @@ impl LinkSpheres {
 /// Pairs `a < b` of `n` links.
 fn pairs(n: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..n).flat_map(move |a| (a + 1..n).map(move |b| (a, b)))
+}
+
+fn is_broken(sphere: &Sphere) -> bool {
+    !(sphere.center.is_finite() && sphere.radius.is_finite() && sphere.radius >= 0.0)
+}
+
+/// The parts of a chain are public: whoever wrote them, numbers that decide collisions are numbers.
+fn check_chain(chain: &Chain) -> Result<()> {
+    let fault = |what: String| Err(Error::Robot(what));
+    if chain.dof() > DOF {
+        return fault(format!("{} joints, at most {DOF} may be", chain.dof()));
+    }
+    if let Some(joint) = chain.joints.iter().find(|joint| !joint.parent_from_joint.is_finite()) {
+        return fault(format!("joint {}: its frame is not finite", joint.name));
+    }
+    for link in &chain.links {
+        if link.body > chain.dof() {
+            return fault(format!("link {}: is on body {}, the last is {}", link.name, link.body, chain.dof()));
+        }
+        if let Some(sphere) = link.spheres.iter().find(|sphere| is_broken(sphere)) {
+            return fault(format!("link {}: {sphere:?}", link.name));
+        }
+    }
+    Ok(())
 }
 
 fn check_count(n_links: usize) -> Result<()> {
@@ -361,6 +393,25 @@ mod tests {
                     prop_assert_ne!(grown(-1e-5), grown(1e-5));
                 }
             }
+        }
+    }
+
+    #[test]
+    fn a_chain_with_a_part_that_makes_no_sense_is_refused_by_the_name_of_the_part() {
+        type Change = fn(&mut Chain);
+        let cases: [(Change, &str); 5] = [
+            (|chain| chain.links[3].spheres[0].radius = -0.1, "link link3"),
+            (|chain| chain.links[3].spheres[0].center.y = f32::NAN, "link link3"),
+            (|chain| chain.links[3].body = 8, "link link3: is on body 8, the last is 7"),
+            (|chain| chain.joints[2].parent_from_joint.translation.x = f64::INFINITY, "joint joint3"),
+            (|chain| chain.joints.push(chain.joints[0].clone()), "8 joints"),
+        ];
+        for (change, says) in cases {
+            let mut chain = Chain::from_robot(ROBOTS[0]);
+            assert!(ArmSpheres::from_chain(&chain).is_ok());
+            change(&mut chain);
+            let error = ArmSpheres::from_chain(&chain).expect_err(says).to_string();
+            assert!(error.contains(says), "{error}");
         }
     }
 
