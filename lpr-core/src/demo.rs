@@ -61,6 +61,27 @@ pub struct DemoTransition {
 /// The keyframes of a demonstration in ascending order: where the gripper changes, where the arm stops, and the last frame.
 ///
 /// A stop next to a change of the gripper is no keyframe of its own. A keyframe directly before the last one is dropped.
+///
+/// ```
+/// use lpr_core::demo::{DemoFrame, DemoSettings, augment_demo, discover_keyframes};
+/// use lpr_core::robot::PANDA;
+///
+/// // Twenty frames of a moving arm, whose gripper closes in the twelfth.
+/// let frame = |idx: usize| DemoFrame {
+///     joints: PANDA.start,
+///     joint_velocities: [0.5; 7],
+///     gripper_open: idx < 12,
+///     gripper_width: if idx < 12 { 0.08 } else { 0.0 },
+///     grip: PANDA.grip(&PANDA.start),
+/// };
+/// let frames: Vec<DemoFrame> = (0..20).map(frame).collect();
+/// let settings = DemoSettings { stopped_speed: 0.1, stop_cooldown: 4, start_interval: 10, min_start_distance: 1 };
+/// assert_eq!(discover_keyframes(&frames, &settings), [12, 19]);
+///
+/// let transitions = augment_demo(&frames, &settings);
+/// let ends: Vec<_> = transitions.iter().map(|it| (it.observation, it.keyframe, it.terminated)).collect();
+/// assert_eq!(ends, [(0, 12, false), (12, 19, true), (10, 12, false), (12, 19, true)], "from frames 0 and 10");
+/// ```
 #[must_use]
 pub fn discover_keyframes(frames: &[DemoFrame], settings: &DemoSettings) -> Vec<usize> {
     let mut keyframes = Vec::new();

@@ -33,6 +33,14 @@ pub trait Environment {
 }
 
 /// Why an action ended early: a value with a reason that users see.
+///
+/// ```
+/// use lpr_core::env::InvalidAction;
+///
+/// let reason = InvalidAction::JointSpeed { joint: 0 };
+/// assert_eq!(reason.name(), "joint_speed", "for counting");
+/// assert_eq!(reason.to_string(), "joint 1 exceeded its velocity limit", "for reading");
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum InvalidAction {
     /// A link was pushed into a fixed body.

@@ -3,6 +3,15 @@
 use thiserror::Error;
 
 /// Broken input, with the value at fault and what would be right.
+///
+/// ```
+/// use lpr_core::Error;
+/// use lpr_core::robot::Robot;
+///
+/// let error = Robot::by_name("ur5").unwrap_err();
+/// assert!(matches!(&error, Error::Robot(message) if message.contains("xarm7")), "it names what there is");
+/// assert!(error.to_string().starts_with("robot: "));
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum Error {

@@ -41,6 +41,16 @@ const INDEX_BITS: u32 = 56;
 
 /// The generator for use number `index` of `stream` under `seed`.
 ///
+/// ```
+/// use lpr_core::rng::{Stream, stream};
+/// use rand::RngExt as _;
+///
+/// let draw = |seed, index| stream(seed, Stream::Planner, index).random::<u64>();
+/// assert_eq!(draw(7, 0), draw(7, 0), "the same use of the same seed");
+/// assert_ne!(draw(7, 0), draw(7, 1));
+/// assert_ne!(draw(7, 0), stream(7, Stream::Ik, 0).random::<u64>());
+/// ```
+///
 /// # Panics
 ///
 /// When `index` needs more than 56 bits.
@@ -54,6 +64,15 @@ pub fn stream(seed: u64, stream: Stream, index: u64) -> Rng {
 
 /// A draw from the standard normal distribution (Box and Muller 1958; the second value of the pair is not used, so that every
 /// draw takes the same amount of the stream).
+///
+/// ```
+/// use lpr_core::rng::{Stream, normal, stream};
+///
+/// let mut rng = stream(0, Stream::Noise, 0);
+/// let draws: Vec<f32> = (0..1000).map(|_| normal(&mut rng)).collect();
+/// let within_one = draws.iter().filter(|draw| draw.abs() < 1.0).count();
+/// assert!((640..=730).contains(&within_one), "two of three are within a standard deviation");
+/// ```
 #[must_use]
 pub fn normal(rng: &mut Rng) -> f32 {
     let radius = libm::sqrtf(-2.0 * libm::logf(1.0 - rng.random::<f32>()));

@@ -37,6 +37,23 @@ const TRAVEL: Vec3 = Vec3::new(-0.12, 0.0, 0.08);
 const KNOB_POINTS: usize = 4;
 
 /// The toy world.
+///
+/// ```
+/// use lpr_core::env::Environment;
+/// use lpr_core::rng::{Stream, stream};
+/// use lpr_core::robot::{Gripper, PANDA};
+/// use lpr_core::toy::Toy;
+///
+/// let mut toy = Toy::new(&PANDA);
+/// toy.reset(3)?;
+/// let rng = &mut stream(3, Stream::Demo, 0);
+/// let mut step = || toy.demonstrated_path(rng).map(|path| toy.step(&path, Gripper::Close));
+/// let reached = step().expect("the knob is within reach");
+/// assert!(!reached.terminated && reached.reward == 0.0);
+/// let moved = step().expect("so is its end");
+/// assert!(moved.terminated && moved.reward == 1.0);
+/// # Ok::<(), lpr_core::Error>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Toy {
     robot: &'static Robot,

@@ -222,3 +222,56 @@ impl DemoFrameJson {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mistake::mistake;
+    use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
+    use std::fs;
+
+    const POSES: &str = r#"{"poses": [
+  {"position": [0.4, 0.1, 0.2], "rotation_xyzw": [1, 0, 0, 0], "seed_config": [0, 0.5, 0]},
+  {"position": [0.4, -0.1, 0.2], "rotation_xyzw": [0.6, 0, 0.8, 0]}
+]}
+"#;
+
+    const CONFIGS: &str = "{\"configs\": [\n  [0, -0.5, 1e-3],\n  [1, 2, 3]\n]}\n";
+
+    /// What `read` makes of a file, or what it says of it after its path.
+    fn read_file<T>(text: &[u8], read: impl Fn(&Path) -> Result<T>) -> Result<T, String> {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.json");
+        fs::write(&path, text).unwrap();
+        read(&path).map_err(|error| {
+            let error = error.to_string();
+            error.strip_prefix(&format!("{}: ", path.display())).unwrap_or_else(|| panic!("{error}")).to_owned()
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 500, rng_seed: RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn poses_with_one_mistake_are_poses_or_a_message_that_says_where(mistake in mistake()) {
+            match read_file(&mistake.made_in(POSES.as_bytes()), read_poses) {
+                Ok(poses) => prop_assert!(poses.iter().all(|pose| pose.world_from_flange.is_finite())),
+                Err(message) => prop_assert!(message.contains("poses") || message.contains("line "), "{message}"),
+            }
+        }
+
+        #[test]
+        fn configurations_with_one_mistake_are_numbers_or_a_message_that_says_where(mistake in mistake()) {
+            if let Err(message) = read_file(&mistake.made_in(CONFIGS.as_bytes()), read_configs) {
+                prop_assert!(message.contains("configs") || message.contains("line "), "{message}");
+            }
+        }
+
+        #[test]
+        fn arbitrary_bytes_are_a_message(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+            prop_assert!(read_file(&bytes, read_poses).is_err_and(|message| message.contains("line ")));
+            prop_assert!(read_file(&bytes, read_configs).is_err_and(|message| message.contains("line ")));
+        }
+    }
+}

@@ -7,6 +7,9 @@ use lpr_core::scene::{Primitive, Scene};
 use serde::Deserialize;
 use std::path::Path;
 
+/// Largest length in a file, metres: what is larger is a unit gone wrong, and would overflow where it is squared.
+const MAX_LENGTH: f32 = 1000.0;
+
 /// Radius of the ball around a point of a cloud when the file names none, metres.
 const POINT_RADIUS: f32 = 0.01;
 
@@ -90,7 +93,7 @@ impl Problem {
     ///
     /// # Errors
     ///
-    /// Naming a number that is not finite, a size below 0, or a quaternion that is none.
+    /// Naming a number that is not finite or more than a kilometre, a size below 0, or a quaternion that is none.
     pub fn scene(&self, path: &Path, idx: usize) -> Result<Scene> {
         let at_fault = |list: &str, i: usize| {
             let field = format!("problems[{idx}].{list}[{i}]");
@@ -116,7 +119,7 @@ impl Problem {
         let point_radius = self.point_radius.unwrap_or(POINT_RADIUS);
         size("point_radius", point_radius).map_err(|reason| FileError::content(path, format!("problems[{idx}].{reason}")))?;
         let points = self.points.iter().enumerate().map(|(i, point)| {
-            place("", *point).map_err(|_| FileError::content(path, format!("problems[{idx}].points[{i}]: is not finite")))
+            place("", *point).map_err(|reason| FileError::content(path, format!("problems[{idx}].points[{i}]{reason}")))
         });
         Ok(scene.with_points(&points.collect::<Result<Vec<Vec3>>>()?, point_radius))
     }
@@ -161,10 +164,19 @@ fn pose(center: [f32; 3], rotation_xyzw: [f64; 4]) -> Checked<Pose3> {
 }
 
 fn place(field: &str, position: [f32; 3]) -> Checked<Vec3> {
-    let position = Vec3::from_array(position);
-    if position.is_finite() { Ok(position) } else { Err(format!("{field}: is not finite")) }
+    match position.iter().find(|length| !(length.abs() <= MAX_LENGTH)) {
+        Some(length) => Err(format!("{field}: has {length}, expected -{MAX_LENGTH} to {MAX_LENGTH}")),
+        None => Ok(Vec3::from_array(position)),
+    }
 }
 
 fn size(field: &str, length: f32) -> Checked<f32> {
-    if length.is_finite() && length >= 0.0 { Ok(length) } else { Err(format!("{field}: is {length}, expected at least 0")) }
+    if (0.0..=MAX_LENGTH).contains(&length) {
+        Ok(length)
+    } else {
+        Err(format!("{field}: is {length}, expected 0 to {MAX_LENGTH}"))
+    }
 }
+
+#[cfg(test)]
+mod tests;

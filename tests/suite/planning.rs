@@ -97,6 +97,30 @@ fn problems_that_none_can_solve_say_why() {
 }
 
 #[test]
+fn a_world_may_be_empty_and_a_file_without_problems() {
+    let problem = value!({"name": "nothing", "start": [-0.8, 0.2, 0, 1.0, 0, 1.2, 0], "goals": [[0.8, 0.2, 0, 1.0, 0, 1.2, 0]]});
+    for planner in ["rrt-connect", "sbl", "kpiece", "trajopt", "stomp"] {
+        let report = plan(&Folder::new(), std::slice::from_ref(&problem), &["--planner", planner, "--simplify"]);
+        let result = &report["results"][0];
+        assert_eq!((&result["solved"], &result["iterations"]), (&value!(true), &value!(0)), "{report}");
+        assert_eq!(result["path"].as_array().unwrap().len(), 2, "straight there");
+    }
+    let report = plan(&Folder::new(), &[], &[]);
+    assert_eq!((&report["results"], &report["summary"]["median_micros"]), (&value!([]), &Value::Null));
+}
+
+#[test]
+fn a_world_of_a_million_points_is_planned_in() {
+    // A wall a metre long and high with a point every millimetre; the post stands in it.
+    let mut problem = around_a_post();
+    let points = (0..1_000_000).map(|i| value!([0.6, f64::from(i % 1000) * 1e-3 - 0.5, f64::from(i / 1000) * 1e-3]));
+    problem["points"] = points.collect();
+    problem["point_radius"] = value!(0.001);
+    let report = plan(&Folder::new(), &[problem], &[]);
+    assert_eq!(report["results"][0]["solved"], true, "{report}");
+}
+
+#[test]
 fn an_arm_in_a_file_has_kinematics_and_plans() {
     let folder = Folder::new();
     let arm = folder.write("planar.urdf", PLANAR_ARM);

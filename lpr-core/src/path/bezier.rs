@@ -35,6 +35,24 @@ pub struct BezierSettings {
 }
 
 /// A curve of the grip from one pose to another.
+///
+/// ```
+/// use lpr_core::glamx::Vec3;
+/// use lpr_core::path::BezierCurve;
+/// use lpr_core::robot::XARM7;
+///
+/// let start = XARM7.grip(&XARM7.start);
+/// let mut goal = start;
+/// goal.translation.y += 0.2;
+/// // Over something in the way: the curve comes half as high as its middle control point.
+/// let middle = start.translation + Vec3::new(0.0, 0.1, 0.2);
+/// let curve = BezierCurve::new(&start, middle, &goal);
+/// assert!((curve.pose(0.5).translation.z - start.translation.z - 0.1).abs() < 1e-6);
+///
+/// let path = curve.to_joints(&XARM7, &XARM7.start)?;
+/// assert!(XARM7.grip(path.goal()).translation.distance(goal.translation) < 1e-3);
+/// # Ok::<(), lpr_core::path::Rejection>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BezierCurve {
     /// Start, middle and end control points in the world, metres: `P_0`, `P_1`, `P_2` in the paper.
@@ -58,6 +76,21 @@ impl BezierCurve {
     }
 
     /// A curve whose middle control point is drawn from a Gaussian around the middle of start and goal.
+    ///
+    /// ```
+    /// use lpr_core::path::{BezierCurve, BezierSettings};
+    /// use lpr_core::rng::{Stream, stream};
+    /// use lpr_core::robot::PANDA;
+    ///
+    /// let start = PANDA.grip(&PANDA.start);
+    /// let curve = |sigma, draw| {
+    ///     let rng = &mut stream(0, Stream::Bezier, draw);
+    ///     BezierCurve::sample(&start, &start, &BezierSettings { sigma }, rng)
+    /// };
+    /// assert_eq!(curve(0.2, 3), curve(0.2, 3), "a draw is one of its stream's");
+    /// assert_ne!(curve(0.2, 3), curve(0.2, 4));
+    /// assert_eq!(curve(0.0, 3).points[1], start.translation, "without spread, the middle");
+    /// ```
     #[must_use]
     pub fn sample(start: &Pose3, goal: &Pose3, settings: &BezierSettings, rng: &mut Rng) -> Self {
         let offset = Vec3::from_array(core::array::from_fn(|_| settings.sigma * normal(rng)));

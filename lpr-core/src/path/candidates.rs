@@ -25,6 +25,25 @@ use glamx::Pose3;
 use serde::{Deserialize, Serialize};
 
 /// Numbers of the candidate set.
+///
+/// ```
+/// use lpr_core::path::{BezierSettings, CandidateSettings, PlannerKind, RrtSettings};
+///
+/// let settings = CandidateSettings {
+///     path_len: 30,
+///     planner_paths: 20,
+///     bezier_paths: 20,
+///     planner_collision_free_fraction: 0.5,
+///     draws_per_path: 5,
+///     min_goal_distance: 0.2,
+///     planner: PlannerKind::RrtConnect,
+///     rrt: RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 500 },
+///     bezier: BezierSettings { sigma: 0.25 },
+/// };
+/// assert_eq!(settings.check(), Ok(()));
+/// let too_short = CandidateSettings { path_len: 1, ..settings };
+/// assert_eq!(too_short.check().unwrap_err().to_string(), "configuration: path_len: at least 2");
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CandidateSettings {
@@ -180,6 +199,37 @@ impl From<Rejection> for Outcome {
 }
 
 /// The candidate paths for `query`, deterministic for its streams and the same for any number of threads.
+///
+/// ```
+/// use lpr_core::glamx::{Pose3, Vec3};
+/// use lpr_core::path::{BezierSettings, CandidateSettings, CandidateStreams, PathQuery, PlannerKind, RrtSettings};
+/// use lpr_core::path::{Source, candidates};
+/// use lpr_core::robot::XARM7;
+/// use lpr_core::scene::{Primitive, Scene};
+///
+/// let settings = CandidateSettings {
+///     path_len: 10,
+///     planner_paths: 4,
+///     bezier_paths: 4,
+///     planner_collision_free_fraction: 0.5,
+///     draws_per_path: 5,
+///     min_goal_distance: 0.2,
+///     planner: PlannerKind::RrtConnect,
+///     rrt: RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 500 },
+///     bezier: BezierSettings { sigma: 0.25 },
+/// };
+/// let start = XARM7.grip(&XARM7.start);
+/// let goal = Pose3::from_parts(start.translation + Vec3::new(0.0, 0.3, 0.0), start.rotation);
+/// let post = Primitive::Sphere { center: start.translation + Vec3::new(0.0, 0.15, 0.0), radius: 0.02 };
+/// let scene = Scene::from_primitives(vec![post]);
+/// let query = PathQuery { robot: &XARM7, start: XARM7.start, goal, scene: &scene, policy_path: None };
+/// let set = candidates(&query, &settings, CandidateStreams { seed: 0, step: 0 });
+///
+/// assert!(set.candidates.iter().all(|candidate| candidate.path.configs().len() == 10));
+/// assert!(set.candidates.iter().any(|candidate| candidate.source == Source::Bezier));
+/// assert!(set.candidates.iter().any(|candidate| candidate.collides), "half are planned without a look at the post");
+/// assert!(set.shortest_free().is_some_and(|shortest| !shortest.collides));
+/// ```
 ///
 /// # Panics
 ///

@@ -11,6 +11,22 @@ pub const LINEAR_STEPS: usize = 50;
 
 /// The joint path that moves the grip from `start` straight to `goal` (`world_from_grip`), turning at constant speed.
 ///
+/// ```
+/// use lpr_core::path::{LINEAR_STEPS, Rejection, linear_path};
+/// use lpr_core::robot::XARM7;
+///
+/// let start = XARM7.grip(&XARM7.start);
+/// let mut goal = start;
+/// goal.translation.z -= 0.1;
+/// let path = linear_path(&XARM7, &XARM7.start, &goal)?;
+/// assert!(path.configs().len() > LINEAR_STEPS);
+/// for config in path.configs() {
+///     let aside = XARM7.grip(config).translation - start.translation;
+///     assert!(aside.x.abs() < 1e-3 && aside.y.abs() < 1e-3, "straight down");
+/// }
+/// # Ok::<(), Rejection>(())
+/// ```
+///
 /// # Errors
 ///
 /// When the arm cannot follow to the end: [`Rejection::CurveUnreachable`] or [`Rejection::BranchJump`].

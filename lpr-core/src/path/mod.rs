@@ -55,6 +55,19 @@ use crate::robot::JointConfig;
 /// A path of the arm: at least two configurations, joined linearly in joint space.
 ///
 /// `ξ = [c_1, …, c_T]` in the paper (section IV).
+///
+/// ```
+/// use lpr_core::path::JointPath;
+/// use lpr_core::robot::{JointConfig, XARM7};
+///
+/// let goal = JointConfig(XARM7.start.map(|q| q + 0.2));
+/// let path = JointPath::new(vec![XARM7.start, goal])?;
+/// assert_eq!((path.start(), path.goal()), (&XARM7.start, &goal));
+/// assert!((path.length() - 0.2 * 7_f32.sqrt()).abs() < 1e-5, "radians, over all joints");
+///
+/// assert!(JointPath::new(vec![goal]).is_err(), "one configuration is no path");
+/// # Ok::<(), lpr_core::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointPath(Vec<JointConfig>);
 
@@ -107,6 +120,17 @@ impl JointPath {
     }
 
     /// The path at `n_configs` points equally spaced in joint-space arc length; both ends are exact.
+    ///
+    /// ```
+    /// use lpr_core::path::JointPath;
+    /// use lpr_core::robot::JointConfig;
+    ///
+    /// let at = |q: f32| JointConfig([q, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    /// let path = JointPath::new(vec![at(0.0), at(0.1), at(1.0)])?;
+    /// assert_eq!(path.resample(3).configs(), [at(0.0), at(0.5), at(1.0)], "the corner at 0.1 is cut");
+    /// assert_eq!(path.subdivide(4).configs(), [at(0.0), at(0.1), at(0.55), at(1.0)], "subdividing keeps it");
+    /// # Ok::<(), lpr_core::Error>(())
+    /// ```
     ///
     /// # Panics
     ///
@@ -201,6 +225,18 @@ impl Source {
 }
 
 /// Why a generator produced no path: a value that users see, never an error.
+///
+/// ```
+/// use lpr_core::glamx::{Pose3, Vec3};
+/// use lpr_core::path::{Rejection, linear_path};
+/// use lpr_core::robot::XARM7;
+///
+/// let mut goal = XARM7.grip(&XARM7.start);
+/// goal.translation += Vec3::new(1.0, 0.0, 0.0);
+/// let reason = linear_path(&XARM7, &XARM7.start, &goal).unwrap_err();
+/// assert_eq!(reason.name(), "curve_unreachable");
+/// assert!(matches!(reason, Rejection::CurveUnreachable { fraction } if fraction > 0.1 && fraction < 0.9));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Rejection {
     /// The goal pose has no solution within the joint limits.
@@ -229,7 +265,7 @@ pub enum Rejection {
     TooFewGoals,
     /// The policy's path is longer than the mean of the others (section IV-B).
     LongerThanMean,
-    /// The policy's path leaves the joint limits.
+    /// Every goal configuration, or the policy's path, is outside the joint limits; so is a start that is not finite.
     OutsideLimits,
 }
 

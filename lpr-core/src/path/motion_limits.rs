@@ -9,6 +9,15 @@ const RANGE: core::ops::RangeInclusive<f64> = 1e-9..=1e12;
 /// Limits of every joint, the same in both directions.
 ///
 /// They have no default: what a real arm accelerates at is its owner's to say, since not every vendor does.
+///
+/// ```
+/// use lpr_core::path::MotionLimits;
+///
+/// let limits = MotionLimits { velocity: [1.0; 7], acceleration: [4.0; 7], jerk: Some([20.0; 7]) };
+/// assert_eq!(limits.check(), Ok(()));
+/// let stuck = MotionLimits { velocity: [1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0], ..limits };
+/// assert_eq!(stuck.check().unwrap_err().to_string(), "configuration: limits.velocity[2]: 1e-9 to 1e12, got 0");
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotionLimits {
     /// Greatest speeds, rad/s.
@@ -33,6 +42,20 @@ impl MotionLimits {
 }
 
 /// A limit to the speed of the grip.
+///
+/// ```
+/// use lpr_core::path::{GripSpeedLimit, JointPath, MotionLimits, SmoothPath, time_optimal};
+/// use lpr_core::robot::{JointConfig, XARM7};
+///
+/// let goal = JointConfig(XARM7.start.map(|q| q + 0.3));
+/// let path = SmoothPath::through(&JointPath::new(vec![XARM7.start, goal])?);
+/// let limits = MotionLimits { velocity: [2.0; 7], acceleration: [10.0; 7], jerk: None };
+/// let careful = GripSpeedLimit { robot: &XARM7, max_speed: 0.05 };
+/// let (fast, slow) = (time_optimal(&path, &limits, None)?, time_optimal(&path, &limits, Some(&careful))?);
+/// let way = (XARM7.grip(&goal).translation - XARM7.grip(&XARM7.start).translation).length();
+/// assert!(slow.duration_secs() > f64::from(way) / 0.05 && slow.duration_secs() > 2.0 * fast.duration_secs());
+/// # Ok::<(), lpr_core::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy)]
 pub struct GripSpeedLimit<'a> {
     /// The arm that carries the grip.

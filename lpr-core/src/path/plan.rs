@@ -14,6 +14,20 @@ pub const FINER: f32 = 2.0;
 pub(super) type Bounds = [(f32, f32); DOF];
 
 /// A path found, and what it took.
+///
+/// ```
+/// use lpr_core::path::{RrtSettings, rrt_connect};
+/// use lpr_core::rng::{Stream, stream};
+/// use lpr_core::robot::{JointConfig, PANDA};
+/// use lpr_core::scene::{ArmSpheres, MotionChecker, Scene};
+///
+/// let (scene, arm) = (Scene::empty(), ArmSpheres::new(&PANDA));
+/// let checker = MotionChecker::new(&scene, &arm, 32.0);
+/// let settings = RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 100 };
+/// let goal = JointConfig(PANDA.start.map(|q| q + 0.1));
+/// let plan = rrt_connect(&checker, &PANDA.start, &[goal], &settings, &mut stream(0, Stream::Planner, 0)).unwrap();
+/// assert_eq!((plan.path.configs(), plan.iterations), (&[PANDA.start, goal][..], 0), "nothing is in the straight way");
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     /// A free path, not yet shortened.
@@ -44,15 +58,19 @@ pub(super) fn search_twice(
     finer.map(|finer| Plan { iterations: plan.iterations + finer.iterations, ..finer })
 }
 
-/// The goals that touch nothing.
+/// The goals within the limits that touch nothing. A start may be beyond its limits: arms stop there, and are to come back.
 fn free_goals(checker: &MotionChecker<'_>, start: &JointConfig, goals: &[JointConfig]) -> Result<Vec<JointConfig>, Rejection> {
     if goals.is_empty() {
         return Err(Rejection::Unreachable);
     }
+    let mut goals: Vec<JointConfig> = goals.iter().copied().filter(|goal| checker.arm().is_within_limits(goal)).collect();
+    if goals.is_empty() || !start.is_finite() {
+        return Err(Rejection::OutsideLimits);
+    }
     if !checker.is_free(start) {
         return Err(Rejection::StartCollides);
     }
-    let goals: Vec<JointConfig> = goals.iter().copied().filter(|goal| checker.is_free(goal)).collect();
+    goals.retain(|goal| checker.is_free(goal));
     if goals.is_empty() { Err(Rejection::GoalCollides) } else { Ok(goals) }
 }
 

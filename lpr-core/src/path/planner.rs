@@ -10,6 +10,14 @@ use crate::scene::MotionChecker;
 use serde::{Deserialize, Serialize};
 
 /// Which planner.
+///
+/// ```
+/// use lpr_core::path::PlannerKind;
+///
+/// let named = |name: &str| PlannerKind::ALL.into_iter().find(|kind| kind.name() == name);
+/// assert_eq!(named("sbl"), Some(PlannerKind::Sbl));
+/// assert_eq!((named("prm"), PlannerKind::default()), (None, PlannerKind::RrtConnect));
+/// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum PlannerKind {
     /// [`rrt_connect`], the paper's.
@@ -85,6 +93,23 @@ impl PlannerSettings {
 
 /// A free path from `start` to any of `goals` by the planner `kind`.
 ///
+/// ```
+/// use lpr_core::path::{PlannerKind, PlannerSettings, Rejection, RrtSettings, plan_with};
+/// use lpr_core::rng::{Stream, stream};
+/// use lpr_core::robot::PANDA;
+/// use lpr_core::scene::{ArmSpheres, MotionChecker, Primitive, Scene};
+///
+/// let around_the_hand = Primitive::Sphere { center: PANDA.grip(&PANDA.start).translation, radius: 0.05 };
+/// let (scene, arm) = (Scene::from_primitives(vec![around_the_hand]), ArmSpheres::new(&PANDA));
+/// let checker = MotionChecker::new(&scene, &arm, 32.0);
+/// let settings = PlannerSettings::standard(RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 5000 });
+/// for kind in PlannerKind::ALL {
+///     let rng = &mut stream(0, Stream::Planner, 0);
+///     let plan = plan_with(kind, &checker, &PANDA.start, &[PANDA.start], &settings, rng);
+///     assert_eq!(plan, Err(Rejection::StartCollides), "{}", kind.name());
+/// }
+/// ```
+///
 /// # Errors
 ///
 /// A [`Rejection`]: no goals, ends that collide, or no path within the planner's budget.
@@ -111,10 +136,12 @@ mod tests {
     use crate::path::JointPath;
     use crate::path::test_scenes::{is_free_densely, turned, wall_with_window};
     use crate::rng::{Stream, stream};
+    use crate::robot::DOF;
     use crate::scene::stick_arm::stick_arm;
     use crate::scene::{ArmSpheres, Primitive, Scene};
     use glamx::Vec3;
     use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
 
     fn settings() -> PlannerSettings {
         PlannerSettings::standard(RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 2000 })
@@ -221,6 +248,44 @@ mod tests {
     }
 
     #[test]
+    fn goals_outside_the_limits_are_no_goals_and_ends_that_are_no_numbers_no_ends() {
+        let far = JointConfig(turned(-1.2).map(|q| q + 9.0));
+        let broken = JointConfig([f32::NAN; DOF]);
+        for kind in PlannerKind::ALL {
+            let plan = |start, goals: &[JointConfig]| {
+                let (scene, arm) = (Scene::empty(), ArmSpheres::new(&stick_arm()));
+                let checker = MotionChecker::new(&scene, &arm, 32.0);
+                plan_with(kind, &checker, &start, goals, &settings(), &mut stream(0, Stream::Planner, 0))
+            };
+            assert_eq!(plan(turned(-0.7), &[far]), Err(Rejection::OutsideLimits));
+            assert_eq!(plan(turned(-0.7), &[broken]), Err(Rejection::OutsideLimits));
+            assert_eq!(plan(broken, &[turned(-0.7)]), Err(Rejection::OutsideLimits));
+            let found = plan(turned(-0.7), &[far, broken, turned(-1.2)]).expect("the last goal is one");
+            assert_eq!(*found.path.goal(), turned(-1.2));
+        }
+    }
+
+    #[test]
+    fn an_arm_that_stands_beyond_its_limits_is_led_back() {
+        let robot = stick_arm();
+        let mut beyond = turned(-0.7);
+        beyond[5] = robot.joints[5].upper + 0.02;
+        assert!(!robot.within_limits(&beyond));
+        for kind in PlannerKind::ALL {
+            let found = plan(kind, &wall_with_window(), [beyond, turned(-1.2)], 0).expect("nothing is in the way");
+            assert_eq!((*found.path.start(), *found.path.goal()), (beyond, turned(-1.2)));
+        }
+    }
+
+    #[test]
+    fn the_world_may_be_empty() {
+        for kind in PlannerKind::ALL {
+            let found = plan(kind, &Scene::empty(), [turned(-0.7), turned(0.7)], 0).expect("nothing is in the way");
+            assert_eq!(found.iterations, 0);
+        }
+    }
+
+    #[test]
     fn a_planner_stops_when_it_is_told_to_and_asks_in_every_iteration() {
         let (scene, arm) = (wall_with_window(), ArmSpheres::new(&stick_arm()));
         for kind in PlannerKind::ALL {
@@ -242,6 +307,65 @@ mod tests {
     fn names_are_those_of_settings_files() {
         for kind in PlannerKind::ALL {
             assert_eq!(toml::Value::try_from(kind), Ok(toml::Value::String(kind.name().to_owned())));
+        }
+    }
+
+    /// Numbers that no settings file should have.
+    fn odd_number() -> impl Strategy<Value = f32> {
+        prop::sample::select(vec![0.0, -1.0, 1e-30, 0.5, 1e30, f32::INFINITY, f32::NEG_INFINITY, f32::NAN])
+    }
+
+    /// Settings of small searches, in which any number may be odd.
+    fn odd_settings() -> impl Strategy<Value = PlannerSettings> {
+        let budgets = prop::array::uniform6(0..4_usize);
+        (prop::array::uniform20(odd_number()), budgets).prop_map(|(x, n)| PlannerSettings {
+            rrt: RrtSettings { range: x[0], checks_per_radian: 32.0, max_iterations: 20 },
+            sbl: SblSettings { range: x[1], neighbourhoods: n[0] as u32, milestones_per_grid: n[1] as u32, max_iterations: 20 },
+            kpiece: KpieceSettings { range: x[2], cell: x[3], exterior_share: x[4], failure_score: x[5], max_iterations: 20 },
+            trajopt: TrajoptSettings {
+                waypoints: n[2],
+                looks: n[3],
+                safe_distance: x[6],
+                seen_distance: x[7],
+                penalty: x[8],
+                penalty_growth: x[9],
+                growths: 2,
+                trust: x[10],
+                least_trust: x[11],
+                trust_growth: x[12],
+                trust_shrink: x[13],
+                accepted_gain: x[14],
+                least_gain: x[15],
+                sweeps: 3,
+                steps: 5,
+                beginnings: 3,
+            },
+            stomp: StompSettings {
+                waypoints: n[2],
+                looks: n[3],
+                copies: n[4],
+                kept_copies: n[5],
+                noise: x[16],
+                sensitivity: x[17],
+                safe_distance: x[18],
+                steps: 5,
+                beginnings: 3,
+            },
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 64, rng_seed: RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
+        #[test]
+        fn settings_that_make_no_sense_give_a_free_path_or_a_reason(settings in odd_settings(), seed in 0..1000_u64) {
+            let (scene, arm) = (wall_with_window(), ArmSpheres::new(&stick_arm()));
+            let checker = MotionChecker::new(&scene, &arm, 32.0);
+            for kind in PlannerKind::ALL {
+                let rng = &mut stream(seed, Stream::Planner, 0);
+                if let Ok(plan) = plan_with(kind, &checker, &turned(-0.7), &[turned(0.7)], &settings, rng) {
+                    prop_assert!(checker.path_is_free(plan.path.configs()), "{}", kind.name());
+                }
+            }
         }
     }
 

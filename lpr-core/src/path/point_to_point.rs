@@ -15,6 +15,19 @@ use thiserror::Error as ThisError;
 const MAX_DURATION: f64 = 7.6e3;
 
 /// Why there is no motion from point to point.
+///
+/// ```
+/// use lpr_core::path::{JointState, MotionLimits, NoMotion, point_to_point};
+/// use lpr_core::robot::JointConfig;
+///
+/// let rest = JointState::at_rest(&JointConfig([0.0; 7]));
+/// let motion = |goal: f32, velocity: f64| {
+///     let limits = MotionLimits { velocity: [velocity; 7], acceleration: [1.0; 7], jerk: None };
+///     point_to_point(&rest, &JointConfig([goal; 7]), &limits)
+/// };
+/// assert!(matches!(motion(1.0, -1.0), Err(NoMotion::Input(_))));
+/// assert_eq!(motion(1.0, 1e-4).unwrap_err(), NoMotion::TooLong, "10000 s");
+/// ```
 #[derive(Debug, Clone, PartialEq, Eq, ThisError)]
 #[non_exhaustive]
 pub enum NoMotion {
@@ -54,6 +67,20 @@ type Profiles<const N: usize> = rsruckig::prelude::Trajectory<N>;
 ///
 /// From rest it is the straight line in joint space; from a moving state it is in general not. A start that is faster than its
 /// limits brakes first. Without a jerk limit accelerations jump.
+///
+/// ```
+/// use lpr_core::path::{JointState, MotionLimits, NoMotion, point_to_point};
+/// use lpr_core::robot::JointConfig;
+///
+/// let (start, goal) = (JointConfig([0.0; 7]), JointConfig([1.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0]));
+/// let limits = MotionLimits { velocity: [1.0; 7], acceleration: [4.0; 7], jerk: None };
+/// let motion = point_to_point(&JointState::at_rest(&start), &goal, &limits)?;
+/// // A quarter of a second to speed up, as long to slow down, and 0.75 rad between at 1 rad/s.
+/// assert!((motion.duration_secs() - 1.25).abs() < 1e-6);
+/// let middle = motion.at(0.5 * motion.duration_secs());
+/// assert!((middle.angles[0] - 0.5).abs() < 1e-6 && (middle.velocities[1] - 0.5).abs() < 1e-6);
+/// # Ok::<(), NoMotion>(())
+/// ```
 ///
 /// # Errors
 ///

@@ -25,11 +25,14 @@ const LEAST_DOMAIN: f32 = 1.0;
 /// Relative change of such a distance.
 const ADAPTATION: f32 = 1e-4;
 
+/// Least edge that is asked for, radians: a thousand edges to a radian are slow, a million are none.
+const LEAST_RANGE: f32 = 1e-3;
+
 /// Numbers of [`rrt_connect`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RrtSettings {
-    /// Longest edge, radians of joint-space distance.
+    /// Longest edge, radians of joint-space distance; at least a thousandth.
     pub range: f32,
     /// Configurations checked for each radian of an edge.
     pub checks_per_radian: f32,
@@ -41,6 +44,31 @@ pub struct RrtSettings {
 ///
 /// The path found is looked at once more, at [`FINER`](super::FINER) times the checker's resolution. Should it turn out to hit
 /// something between two checks, the search is repeated at that resolution.
+///
+/// ```
+/// use lpr_core::glamx::Vec3;
+/// use lpr_core::path::{Rejection, RrtSettings, rrt_connect};
+/// use lpr_core::rng::{Stream, stream};
+/// use lpr_core::robot::XARM7;
+/// use lpr_core::scene::{ArmSpheres, MotionChecker, Primitive, Scene};
+///
+/// // A post where the hand is at the start.
+/// let top = XARM7.grip(&XARM7.start).translation;
+/// let post = Primitive::Capsule { a: Vec3 { z: 0.0, ..top }, b: top, radius: 0.03 };
+/// let (scene, arm) = (Scene::from_primitives(vec![post]), ArmSpheres::new(&XARM7));
+/// let checker = MotionChecker::new(&scene, &arm, 32.0);
+/// let settings = RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 5000 };
+/// let (mut start, mut goal) = (XARM7.start, XARM7.start);
+/// (start[0], goal[0]) = (0.7, -0.7);
+///
+/// let plan = rrt_connect(&checker, &start, &[goal], &settings, &mut stream(0, Stream::Planner, 0))?;
+/// assert_eq!((plan.path.start(), plan.path.goal()), (&start, &goal));
+/// assert!(plan.iterations > 0 && checker.path_is_free(plan.path.configs()));
+///
+/// let no_goals = rrt_connect(&checker, &start, &[], &settings, &mut stream(0, Stream::Planner, 0));
+/// assert_eq!(no_goals, Err(Rejection::Unreachable));
+/// # Ok::<(), Rejection>(())
+/// ```
 ///
 /// # Errors
 ///
@@ -63,6 +91,7 @@ fn search(
     rng: &mut Rng,
 ) -> Result<Plan, Rejection> {
     let bounds = sampling_bounds(checker.arm().limits(), start, goals);
+    let range = settings.range.max(LEAST_RANGE);
     let (mut grown, mut other) = (Side::new(Root::Start, checker, &[*start]), Side::new(Root::Goal, checker, goals));
     for iteration in 1..=settings.max_iterations {
         if checker.is_stopped() {
@@ -72,8 +101,8 @@ fn search(
             core::mem::swap(&mut grown, &mut other);
         }
         let sample = sample_within(&bounds, rng);
-        if let Some(leaf) = grown.extend(&sample, checker, settings.range)
-            && let Some(meeting) = other.connect(grown.tree.config(leaf), checker, settings.range)
+        if let Some(leaf) = grown.extend(&sample, checker, range)
+            && let Some(meeting) = other.connect(grown.tree.config(leaf), checker, range)
         {
             return Ok(Plan { path: join(&grown, leaf, &other, meeting), iterations: iteration });
         }

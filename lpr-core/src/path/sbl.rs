@@ -44,6 +44,25 @@ impl SblSettings {
 ///
 /// The path found is looked at once more, as in [`rrt_connect`](super::rrt_connect).
 ///
+/// ```
+/// use lpr_core::glamx::Vec3;
+/// use lpr_core::path::{Rejection, SblSettings, sbl};
+/// use lpr_core::rng::{Stream, stream};
+/// use lpr_core::robot::XARM7;
+/// use lpr_core::scene::{ArmSpheres, MotionChecker, Primitive, Scene};
+///
+/// // A post where the hand is at the start.
+/// let top = XARM7.grip(&XARM7.start).translation;
+/// let post = Primitive::Capsule { a: Vec3 { z: 0.0, ..top }, b: top, radius: 0.03 };
+/// let (scene, arm) = (Scene::from_primitives(vec![post]), ArmSpheres::new(&XARM7));
+/// let checker = MotionChecker::new(&scene, &arm, 32.0);
+/// let (mut start, mut goal) = (XARM7.start, XARM7.start);
+/// (start[0], goal[0]) = (0.7, -0.7);
+/// let plan = sbl(&checker, &start, &[goal], &SblSettings::STANDARD, &mut stream(0, Stream::Planner, 0))?;
+/// assert!(plan.iterations > 0 && checker.path_is_free(plan.path.configs()));
+/// # Ok::<(), Rejection>(())
+/// ```
+///
 /// # Errors
 ///
 /// A [`Rejection`]: no goals, ends that collide, or no path within the iterations.

@@ -17,6 +17,23 @@ const SAMPLES: (usize, usize) = (20, 200);
 const LEAST_TURN: f32 = 1e-4;
 
 /// A motion of the grip about and along an axis, at constant speed. World frame.
+///
+/// Opening a lid: a quarter turn about a hinge 30 cm from the grip.
+///
+/// ```
+/// use core::f32::consts::FRAC_PI_2;
+/// use lpr_core::glamx::{Pose3, Vec3};
+/// use lpr_core::path::ScrewMotion;
+///
+/// let start = Pose3::translation(0.5, 0.0, 0.1);
+/// let hinge = Vec3::new(0.8, 0.0, 0.1);
+/// let opening = ScrewMotion { start, point: hinge, direction: Vec3::Y, angle: FRAC_PI_2, slide: 0.0 };
+/// assert!(opening.pose(1.0).translation.distance(Vec3::new(0.8, 0.0, 0.4)) < 1e-6, "above the hinge");
+///
+/// // The same motion, from its ends alone.
+/// let found = ScrewMotion::between(&start, &opening.pose(1.0));
+/// assert!((found.angle - FRAC_PI_2).abs() < 1e-5 && found.direction.distance(Vec3::Y) < 1e-5);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ScrewMotion {
     /// `world_from_grip` at the start.

@@ -13,6 +13,19 @@ const SHORTEST_HALVED: f32 = 0.3;
 /// A free path with the same ends as the free path `path`, no longer than it.
 ///
 /// From every vertex on it goes straight to the furthest vertex it can; then the edges are halved and it does so again.
+///
+/// ```
+/// use lpr_core::path::{JointPath, shortcut};
+/// use lpr_core::robot::{JointConfig, PANDA};
+/// use lpr_core::scene::{ArmSpheres, MotionChecker, Scene};
+///
+/// let (scene, arm) = (Scene::empty(), ArmSpheres::new(&PANDA));
+/// let at = |q: f32| JointConfig(PANDA.start.map(|start| start + q));
+/// let detour = JointPath::new(vec![at(0.0), at(-0.1), at(0.1)])?;
+/// let short = shortcut(&detour, &MotionChecker::new(&scene, &arm, 32.0));
+/// assert_eq!(short.configs(), [at(0.0), at(0.1)], "nothing is in the way");
+/// # Ok::<(), lpr_core::Error>(())
+/// ```
 #[must_use]
 pub fn shortcut(path: &JointPath, checker: &MotionChecker<'_>) -> JointPath {
     let mut configs = skip_vertices(path.configs(), checker);

@@ -22,6 +22,30 @@ const CUTS: [f32; 4] = [1.0, 0.75, 0.5, 0.25];
 ///
 /// The result is looked at once more, at [`FINER`] times the checker's resolution. Should it turn out to hit something between
 /// two checks, `path` is simplified at that resolution; should that touch something still, it stays as it is.
+///
+/// ```
+/// use lpr_core::glamx::Vec3;
+/// use lpr_core::path::{JointPath, simplify};
+/// use lpr_core::robot::{JointConfig, XARM7};
+/// use lpr_core::scene::{ArmSpheres, MotionChecker, Primitive, Scene};
+///
+/// // Past a post by drawing the arm back.
+/// let turned = |q: f32| JointConfig(core::array::from_fn(|j| if j == 0 { q } else { XARM7.start[j] }));
+/// let mut back = turned(0.0);
+/// back[3] += 0.8;
+/// let path = JointPath::new(vec![turned(0.7), back, turned(-0.7)])?;
+/// // A post where the hand is at the start.
+/// let top = XARM7.grip(&XARM7.start).translation;
+/// let post = Primitive::Capsule { a: Vec3 { z: 0.0, ..top }, b: top, radius: 0.03 };
+/// let (scene, arm) = (Scene::from_primitives(vec![post]), ArmSpheres::new(&XARM7));
+/// let checker = MotionChecker::new(&scene, &arm, 32.0);
+/// assert!(checker.path_is_free(path.configs()));
+///
+/// let simple = simplify(&path, &checker);
+/// assert!(simple.length() < path.length() && simple.configs().len() > 3, "shorter, and round");
+/// assert!(checker.path_is_free(simple.configs()));
+/// # Ok::<(), lpr_core::Error>(())
+/// ```
 #[must_use]
 pub fn simplify(path: &JointPath, checker: &MotionChecker<'_>) -> JointPath {
     let fine = checker.finer(FINER);

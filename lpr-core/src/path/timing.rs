@@ -22,6 +22,20 @@ pub struct TimingSettings {
 }
 
 /// A path with the time at which it reaches every point.
+///
+/// ```
+/// use lpr_core::path::{JointPath, TimedPath, TimingSettings};
+/// use lpr_core::robot::XARM7;
+///
+/// let mut goal = XARM7.start;
+/// goal[0] += 1.0;
+/// let path = JointPath::new(vec![XARM7.start, goal])?;
+/// let timed = TimedPath::new(path, &XARM7, &TimingSettings { max_velocity: 1.0, max_acceleration: 4.0 })?;
+/// assert!((timed.duration_secs() - 1.25).abs() < 1e-6);
+/// assert!((timed.config_at(0.625)[0] - XARM7.start[0] - 0.5).abs() < 1e-6, "half the way at half the time");
+/// assert_eq!((timed.config_at(-1.0), timed.config_at(9.0)), (XARM7.start, goal));
+/// # Ok::<(), lpr_core::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct TimedPath {
     path: JointPath,

@@ -6,6 +6,17 @@ use crate::error::{Error, Result};
 use crate::robot::{DOF, JointConfig};
 
 /// Where the joints are and how they move at one moment.
+///
+/// ```
+/// use lpr_core::path::JointState;
+/// use lpr_core::robot::XARM7;
+///
+/// let state = JointState::at_rest(&XARM7.start);
+/// assert_eq!((state.velocities, state.config()), ([0.0; 7], XARM7.start));
+/// let mut broken = state;
+/// broken.accelerations[6] = f64::NAN;
+/// assert!(state.is_finite() && !broken.is_finite());
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointState {
     /// Angles, rad.
@@ -41,6 +52,22 @@ impl JointState {
 }
 
 /// A motion that ends at rest.
+///
+/// What a controller at 100 Hz is sent:
+///
+/// ```
+/// use lpr_core::path::{JointState, MotionLimits, point_to_point};
+/// use lpr_core::robot::JointConfig;
+///
+/// let start = JointState::at_rest(&JointConfig([0.0; 7]));
+/// let limits = MotionLimits { velocity: [1.0; 7], acceleration: [4.0; 7], jerk: Some([40.0; 7]) };
+/// let motion = point_to_point(&start, &JointConfig([0.3; 7]), &limits)?;
+/// let sent: Vec<_> = motion.samples(0.01)?.collect();
+/// assert_eq!(sent[0], (0.0, start));
+/// assert_eq!(sent[sent.len() - 1].0, motion.duration_secs());
+/// assert_eq!(motion.at(99.0), JointState::at_rest(&JointConfig([0.3; 7])), "at the end it stays");
+/// # Ok::<(), lpr_core::path::NoMotion>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct Trajectory {
     start: JointState,

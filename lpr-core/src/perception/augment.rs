@@ -6,6 +6,17 @@ use glamx::{Pose3, Quat, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// A turn about a vertical axis, then a shift; points and the poses that label them move together.
+///
+/// ```
+/// use core::f32::consts::FRAC_PI_2;
+/// use lpr_core::glamx::Vec3;
+/// use lpr_core::perception::PointTransform;
+///
+/// let turn = PointTransform { yaw: FRAC_PI_2, shift: Vec3::new(0.0, 0.0, 0.1), about: Vec3::X };
+/// let (moved, rgb) = turn.apply([(Vec3::ZERO, [9, 9, 9])]).next().unwrap();
+/// assert!(moved.distance(Vec3::new(1.0, -1.0, 0.1)) < 1e-6 && rgb == [9, 9, 9]);
+/// assert_eq!(turn.pose() * Vec3::ZERO, moved);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PointTransform {

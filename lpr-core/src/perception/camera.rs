@@ -20,6 +20,18 @@ const NEAR: f32 = 0.01;
 const FAR: f32 = 10.0;
 
 /// A pinhole camera without distortion.
+///
+/// ```
+/// use lpr_core::glamx::{Vec2, Vec3};
+/// use lpr_core::perception::Camera;
+///
+/// let target = Vec3::new(0.5, 0.0, 0.0);
+/// let camera = Camera::looking_at("side", Vec3::new(0.5, -1.0, 0.0), target, 60_f32.to_radians());
+/// let (image, depth) = camera.project(target).unwrap();
+/// assert!(image.distance(Vec2::new(64.0, 64.0)) < 1e-3 && (depth - 1.0).abs() < 1e-6);
+/// assert!(camera.unproject(image, depth).distance(target) < 1e-5);
+/// assert_eq!(camera.project(Vec3::new(0.5, -2.0, 0.0)), None, "behind it");
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Camera {
@@ -117,6 +129,19 @@ impl Camera {
 
     /// The built-in camera of that name, placed for `robot`; only `wrist` moves with the flange.
     ///
+    /// ```
+    /// use lpr_core::glamx::Pose3;
+    /// use lpr_core::perception::Camera;
+    /// use lpr_core::robot::XARM7;
+    ///
+    /// let world_from_flange = Pose3::from(XARM7.flange(&XARM7.start));
+    /// let wrist = Camera::by_name("wrist", &XARM7, &world_from_flange)?;
+    /// let (_, depth) = wrist.project(XARM7.grip(&XARM7.start).translation).unwrap();
+    /// assert!(depth < 0.2, "metres from the camera to the fingertips");
+    /// assert!(Camera::by_name("side", &XARM7, &world_from_flange).unwrap_err().to_string().contains("known: front, wrist"));
+    /// # Ok::<(), lpr_core::Error>(())
+    /// ```
+    ///
     /// # Errors
     ///
     /// When there is none, naming those that exist.
@@ -182,6 +207,16 @@ impl Camera {
     }
 
     /// The points in the world that the pixels of a depth image see; `Vec3::INFINITY` where the depth is not finite.
+    ///
+    /// ```
+    /// use lpr_core::glamx::Vec3;
+    /// use lpr_core::perception::{Camera, View};
+    ///
+    /// let camera = Camera::looking("down", Vec3::Z, Vec3::NEG_Z, 1.0).with_size(2, 2);
+    /// let points = camera.unproject_image(&[0.9, 0.9, 0.9, View::NOTHING]);
+    /// assert!(points[..3].iter().all(|point| (point.z - 0.1).abs() < 1e-6));
+    /// assert_eq!(points[3], Vec3::INFINITY);
+    /// ```
     #[must_use]
     pub fn unproject_image(&self, depth: &[f32]) -> Vec<Vec3> {
         let origin = self.world_from_camera.translation;

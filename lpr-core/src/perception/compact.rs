@@ -17,6 +17,19 @@ pub struct CompactVoxel {
 }
 
 /// A voxel grid as replay stores it: the occupied voxels only, positions within 1/512 of a voxel, colours within 1/255.
+///
+/// ```
+/// use lpr_core::glamx::Vec3;
+/// use lpr_core::perception::{CompactGrid, VoxelBounds, VoxelGrid, VoxelSpace};
+///
+/// let space = VoxelSpace::new(VoxelBounds::cube(Vec3::ZERO, 0.5), [16, 16, 16])?;
+/// let grid = VoxelGrid::voxelise([(Vec3::splat(0.123), [10, 20, 30])], space);
+/// let stored = CompactGrid::from(&grid);
+/// assert_eq!(stored.occupied.len(), 1, "8 bytes instead of ten channels of 4096 voxels");
+/// let (position, rgb) = stored.colored_points().next().unwrap();
+/// assert!(position.distance(Vec3::splat(0.123)) < 1e-3 && rgb == [10, 20, 30]);
+/// # Ok::<(), lpr_core::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct CompactGrid {
     /// The voxels.

@@ -6,6 +6,24 @@ use glamx::Vec3;
 use rand::RngExt as _;
 
 /// How a depth image differs from the truth. Each part is off at zero.
+///
+/// ```
+/// use lpr_core::glamx::Vec3;
+/// use lpr_core::perception::{Camera, DepthNoise};
+/// use lpr_core::rng::{Stream, stream};
+///
+/// let camera = Camera::looking("down", Vec3::Z, Vec3::NEG_Z, 1.0).with_size(64, 64);
+/// let truth = vec![1.0; camera.n_pixels()];
+/// let measured = |noise: DepthNoise| {
+///     let mut depth = truth.clone();
+///     noise.apply(&camera, &mut depth, &mut stream(0, Stream::Noise, 0));
+///     depth
+/// };
+/// assert_eq!(measured(DepthNoise::OFF), truth);
+/// let seen = measured(DepthNoise::STRUCTURED_LIGHT);
+/// assert!(seen.iter().filter(|depth| depth.is_infinite()).count() > 10, "one of a hundred does not return");
+/// assert!(seen.iter().filter(|depth| depth.is_finite()).all(|depth| (depth - 1.0).abs() < 0.01));
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct DepthNoise {
     /// Standard deviation at a depth of 1 m, metres; it grows with the square of the depth, as the error of a disparity does.

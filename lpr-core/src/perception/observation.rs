@@ -18,6 +18,16 @@ const MAX_FINGER_POSITION: f32 = 0.04;
 ///
 /// A pixel that sees nothing between the near and far plane has depth [`View::NOTHING`] and the point `Vec3::INFINITY`; no buffer
 /// ever holds NaN.
+///
+/// ```
+/// use lpr_core::glamx::Vec3;
+/// use lpr_core::perception::{Camera, View};
+///
+/// let mut view = View::empty(Camera::looking("down", Vec3::Z, Vec3::NEG_Z, 1.0).with_size(4, 4));
+/// assert_eq!(view.colored_points().count(), 0, "what sees nothing gives no point");
+/// (view.points[5], view.rgb[5]) = (Vec3::new(0.1, 0.0, 0.2), [200, 30, 30]);
+/// assert!(view.colored_points().eq([(Vec3::new(0.1, 0.0, 0.2), [200, 30, 30])]));
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct View {
     /// The camera, where it stood.
@@ -48,6 +58,24 @@ impl View {
 }
 
 /// What the arm knows of itself: `z` in the paper.
+///
+/// ```
+/// use lpr_core::env::EPISODE_LENGTH;
+/// use lpr_core::perception::{LOW_DIM, Proprio, time_feature};
+/// use lpr_core::robot::PANDA;
+///
+/// let proprio = Proprio {
+///     joints: PANDA.start,
+///     gripper_width: 0.06,
+///     gripper_open: Proprio::openness(0.06, PANDA.gripper.max_width),
+///     finger_positions: [0.03; 2],
+///     grip: PANDA.grip(&PANDA.start),
+///     time: time_feature(0, EPISODE_LENGTH),
+/// };
+/// let features: [f32; LOW_DIM] = proprio.low_dim();
+/// assert_eq!((features[0], features[10]), (0.0, 1.0), "three quarters open are not open; the episode begins");
+/// assert_eq!(features[1..4], proprio.grip.translation.to_array());
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Proprio {
     /// Measured joint angles, radians.

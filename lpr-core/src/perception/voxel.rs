@@ -68,6 +68,19 @@ pub struct VoxelIndex {
 }
 
 /// A box divided into voxels.
+///
+/// ```
+/// use lpr_core::glamx::Vec3;
+/// use lpr_core::perception::{VoxelBounds, VoxelIndex, VoxelSpace};
+///
+/// let space = VoxelSpace::new(VoxelBounds::cube(Vec3::ZERO, 0.5), [10, 10, 10])?;
+/// let voxel = VoxelIndex { x: 9, y: 5, z: 0 };
+/// assert_eq!(space.voxel_from_point(Vec3::new(0.49, 0.01, -0.49)), Some(voxel));
+/// assert!(space.point_from_voxel(voxel).distance(Vec3::new(0.45, 0.05, -0.45)) < 1e-6, "its centre");
+/// assert_eq!(space.flat_from_voxel(voxel), 59, "x runs fastest");
+/// assert_eq!(space.voxel_from_point(Vec3::new(0.5, 0.0, 0.0)), None, "the upper faces are outside");
+/// # Ok::<(), lpr_core::Error>(())
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VoxelSpace {
     bounds: VoxelBounds,
@@ -83,8 +96,8 @@ impl VoxelSpace {
     ///
     /// When the box has no volume or there are no voxels, or more than 65536 of them (the limit of [`super::CompactGrid`]).
     pub fn new(bounds: VoxelBounds, voxels_per_side: [usize; 3]) -> Result<Self> {
-        let n_voxels: usize = voxels_per_side.iter().product();
-        if !(1..=MAX_VOXELS).contains(&n_voxels) {
+        let n_voxels = voxels_per_side.iter().try_fold(1_usize, |n, count| n.checked_mul(*count));
+        if !n_voxels.is_some_and(|n| (1..=MAX_VOXELS).contains(&n)) {
             return Err(Error::Config(format!("1 to {MAX_VOXELS} voxels, got {voxels_per_side:?}")));
         }
         if !(bounds.min.is_finite() && bounds.size.is_finite() && bounds.size.cmpgt(Vec3::ZERO).all()) {
@@ -170,6 +183,20 @@ impl VoxelSpace {
 }
 
 /// A voxelised point cloud: the network's input.
+///
+/// ```
+/// use lpr_core::glamx::Vec3;
+/// use lpr_core::perception::{VoxelBounds, VoxelGrid, VoxelIndex, VoxelSpace};
+///
+/// let space = VoxelSpace::new(VoxelBounds::cube(Vec3::ZERO, 0.5), [2, 2, 2])?;
+/// let cloud = [(Vec3::splat(0.1), [255, 0, 0]), (Vec3::splat(0.3), [255, 0, 0]), (Vec3::splat(9.0), [0, 0, 0])];
+/// let grid = VoxelGrid::voxelise(cloud, space);
+/// let upper = VoxelIndex { x: 1, y: 1, z: 1 };
+/// assert!(grid.is_occupied(upper) && !grid.is_occupied(VoxelIndex { x: 0, ..upper }));
+/// assert!((grid.channel(0)[7] - 0.2).abs() < 1e-6, "mean x of the two points");
+/// assert_eq!((grid.channel(3)[7], grid.channel(4)[7]), (1.0, -1.0), "all red, no green");
+/// # Ok::<(), lpr_core::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct VoxelGrid {
     /// The voxels.
@@ -347,6 +374,9 @@ pub(super) mod tests {
         let bounds = VoxelBounds::cube(Vec3::ZERO, 1.0);
         assert!(VoxelSpace::new(bounds, [16, 0, 16]).is_err());
         assert!(VoxelSpace::new(bounds, [64, 64, 32]).is_err());
+        assert!(VoxelSpace::new(bounds, [usize::MAX; 3]).is_err());
+        // The product of these is 1 in 64 bits.
+        assert!(VoxelSpace::new(bounds, [3, 0xaaaa_aaaa_aaaa_aaab, 1]).is_err());
         assert!(VoxelSpace::new(VoxelBounds::cube(Vec3::ZERO, 0.0), [16; 3]).is_err());
         assert!(VoxelSpace::new(VoxelBounds::cube(Vec3::NAN, 1.0), [16; 3]).is_err());
     }

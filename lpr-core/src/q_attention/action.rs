@@ -121,6 +121,17 @@ impl ActionCodec {
 }
 
 /// Between orientations and bins of Euler angles.
+///
+/// ```
+/// use lpr_core::glamx::Quat;
+/// use lpr_core::q_attention::RotationCodec;
+///
+/// let codec = RotationCodec { n_bins: 72 };
+/// let pointing_down = Quat::from_rotation_x(core::f32::consts::PI);
+/// let bins = codec.encode(pointing_down);
+/// assert_eq!(bins, [0, 36, 36], "±180°, 0° and 0°");
+/// assert!(codec.decode(bins).angle_between(pointing_down) < 1e-3);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RotationCodec {
     /// Bins of each angle over the full circle, a multiple of 4; bin 0 is centred on -180°.
@@ -179,6 +190,15 @@ pub fn canonical(rotation: Quat) -> Quat {
 const REFERENCE_GRASP: Quat = Quat::from_xyzw(0.984_807_7, 0.173_648_18, 0.0, 0.0);
 
 /// Of the two grip poses that grasp the same, 180° about the approach apart, the one nearer to the start orientation.
+///
+/// ```
+/// use lpr_core::glamx::{Pose3, Quat};
+/// use lpr_core::q_attention::canonical_grasp;
+///
+/// let down = Pose3::from_rotation(Quat::from_rotation_x(core::f32::consts::PI));
+/// let turned = down * Pose3::from_rotation(Quat::from_rotation_z(core::f32::consts::PI));
+/// assert!(canonical_grasp(turned).rotation.angle_between(canonical_grasp(down).rotation) < 1e-3, "the same grasp");
+/// ```
 #[must_use]
 pub fn canonical_grasp(pose: Pose3) -> Pose3 {
     nearest_grasp(pose, REFERENCE_GRASP)

@@ -13,6 +13,33 @@ pub const N_BODIES: usize = DOF + 1;
 /// A serial arm of at most [`DOF`] joints between its base and its tip, and the links that they carry.
 ///
 /// An arm with fewer joints takes the first entries of a [`JointConfig`]; the others are ignored, and their limits are 0 and 0.
+///
+/// A crane with one joint that lifts and one that turns:
+///
+/// ```
+/// use core::f32::consts::FRAC_PI_2;
+/// use lpr_core::glamx::{DPose3, Vec3};
+/// use lpr_core::robot::{Chain, ChainJoint, JointConfig, Motion};
+///
+/// let joint = |name: &str, height: f64, motion| ChainJoint {
+///     name: name.to_owned(),
+///     parent_from_joint: DPose3::translation(0.0, 0.0, height),
+///     motion,
+///     lower: 0.0,
+///     upper: 2.0,
+///     max_velocity: 1.0,
+/// };
+/// let crane = Chain {
+///     name: "crane".to_owned(),
+///     joints: vec![joint("lift", 0.2, Motion::Slide), joint("turn", 0.1, Motion::Turn)],
+///     body_from_tip: DPose3::translation(0.5, 0.0, 0.0),
+///     links: Vec::new(),
+///     allowed_self_collisions: Vec::new(),
+/// };
+/// // 0.4 m up and a quarter turn; the entries after the second are ignored.
+/// let tip = crane.tip(&JointConfig([0.4, FRAC_PI_2, 9.0, 9.0, 9.0, 9.0, 9.0]));
+/// assert!(tip.translation.distance(Vec3::new(0.0, 0.5, 0.7)) < 1e-6);
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chain {
     /// Name of the robot.
@@ -45,6 +72,15 @@ pub struct ChainJoint {
 }
 
 /// How a joint moves.
+///
+/// ```
+/// use lpr_core::glamx::DVec3;
+/// use lpr_core::robot::Motion;
+///
+/// assert_eq!(Motion::Slide.transform(0.3) * DVec3::X, DVec3::new(1.0, 0.0, 0.3));
+/// let turned = Motion::Turn.transform(core::f64::consts::FRAC_PI_2) * DVec3::X;
+/// assert!(turned.distance(DVec3::Y) < 1e-12);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Motion {
     /// About z, by radians.
@@ -70,6 +106,15 @@ pub struct ChainLink {
 
 impl Chain {
     /// A built-in arm; its tip is the flange.
+    ///
+    /// ```
+    /// use lpr_core::glamx::Pose3;
+    /// use lpr_core::robot::{Chain, XARM7};
+    ///
+    /// let arm = Chain::from_robot(&XARM7);
+    /// assert_eq!((arm.dof(), arm.links.len()), (7, 9));
+    /// assert!(arm.tip(&XARM7.start).translation.distance(Pose3::from(XARM7.flange(&XARM7.start)).translation) < 1e-6);
+    /// ```
     #[must_use]
     pub fn from_robot(robot: &Robot) -> Self {
         let joints = robot.joints.iter().enumerate().map(|(j, joint)| ChainJoint {
@@ -111,6 +156,16 @@ impl Chain {
     }
 
     /// `world_from_body` of the base and what every joint carries, in f64; entries without a joint repeat the last body.
+    ///
+    /// ```
+    /// use lpr_core::glamx::DPose3;
+    /// use lpr_core::robot::{Chain, PANDA};
+    ///
+    /// let arm = Chain::from_robot(&PANDA);
+    /// let world_from_body = arm.body_frames(&PANDA.start);
+    /// assert_eq!(world_from_body[0], DPose3::IDENTITY);
+    /// assert_eq!(world_from_body[7] * arm.body_from_tip, arm.tip_f64(&PANDA.start));
+    /// ```
     #[must_use]
     pub fn body_frames(&self, config: &JointConfig) -> [DPose3; N_BODIES] {
         self.frames_at(&config.0.map(f64::from))

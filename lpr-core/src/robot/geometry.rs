@@ -108,6 +108,15 @@ pub struct Finger {
 
 impl GripperSpec {
     /// The fingers at that distance between the pads (metres, moved into 0 to `max_width`): at +y, then at -y.
+    ///
+    /// ```
+    /// use lpr_core::robot::XARM7;
+    ///
+    /// let [left, right] = XARM7.gripper.fingers(0.05);
+    /// let gap = (left.pad.center.y - left.pad.half_extents.y) - (right.pad.center.y + right.pad.half_extents.y);
+    /// assert!((gap - 0.05).abs() < 1e-6, "metres between the pads");
+    /// assert_eq!(XARM7.gripper.fingers(9.0), XARM7.gripper.fingers(XARM7.gripper.max_width));
+    /// ```
     #[must_use]
     pub fn fingers(&self, width: f32) -> [Finger; 2] {
         let inner = 0.5 * width.clamp(0.0, self.max_width);
@@ -126,6 +135,14 @@ impl GripperSpec {
 
 impl Robot {
     /// Whether collision spheres of two frames overlap, but for [`Robot::allowed_self_collisions`].
+    ///
+    /// ```
+    /// use lpr_core::robot::{JointConfig, PANDA};
+    ///
+    /// assert!(!PANDA.self_collides(&PANDA.start));
+    /// let folded = JointConfig([0.0, -1.7, 0.0, -3.0, 0.0, 0.0, 0.0]);
+    /// assert!(PANDA.within_limits(&folded) && PANDA.self_collides(&folded));
+    /// ```
     #[must_use]
     pub fn self_collides(&self, config: &JointConfig) -> bool {
         let frames = self.link_frames(config);

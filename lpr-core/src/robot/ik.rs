@@ -31,12 +31,35 @@ const FINEST_SAMPLES: usize = 4096;
 
 impl Robot {
     /// All solutions with that last joint angle: at most eight.
+    ///
+    /// ```
+    /// use lpr_core::robot::PANDA;
+    ///
+    /// let world_from_grip = PANDA.grip(&PANDA.start);
+    /// let branches = PANDA.ik_all_at(&world_from_grip, f64::from(PANDA.start[6]), &PANDA.start);
+    /// assert!((1..=8).contains(&branches.len()));
+    /// assert!(branches.iter().any(|config| config.max_joint_distance(&PANDA.start) < 1e-3), "the start is one of them");
+    /// assert!(branches.iter().all(|config| PANDA.grip(&config).translation.distance(world_from_grip.translation) < 1e-4));
+    /// ```
     #[must_use]
     pub fn ik_all_at(&self, world_from_grip: &Pose3, q7: f64, near: &JointConfig) -> IkBranches {
         Target::new(self, world_from_grip).solve(q7, &widened(near))
     }
 
     /// The solution nearest `near` in joint space.
+    ///
+    /// `None` when the pose is out of reach within the limits:
+    ///
+    /// ```
+    /// use lpr_core::glamx::{Pose3, Quat, Vec3};
+    /// use lpr_core::robot::XARM7;
+    ///
+    /// let pointing_down = Quat::from_rotation_x(core::f32::consts::PI);
+    /// let at = |x: f32| Pose3::from_parts(Vec3::new(x, 0.1, 0.2), pointing_down);
+    /// let config = XARM7.ik_nearest(&at(0.4), &XARM7.start).unwrap();
+    /// assert!(XARM7.grip(&config).translation.distance(at(0.4).translation) < 1e-4);
+    /// assert_eq!(XARM7.ik_nearest(&at(2.0), &XARM7.start), None);
+    /// ```
     #[must_use]
     pub fn ik_nearest(&self, world_from_grip: &Pose3, near: &JointConfig) -> Option<JointConfig> {
         let target = Target::new(self, world_from_grip);
@@ -73,6 +96,17 @@ impl Robot {
     /// the redundancy; of each the winding nearest `near`.
     ///
     /// Where few are found, `q7` is sampled ever more finely around those that have solutions.
+    ///
+    /// ```
+    /// use lpr_core::rng::{Stream, stream};
+    /// use lpr_core::robot::XARM7;
+    ///
+    /// let goal = XARM7.grip(&XARM7.start);
+    /// let configs = XARM7.ik_distinct(&goal, 20, 0.2, &XARM7.start, &mut stream(0, Stream::Ik, 0));
+    /// assert_eq!(configs.len(), 20);
+    /// assert!(configs[0].max_joint_distance(&configs[1]) > 0.2);
+    /// assert!(configs.iter().all(|config| XARM7.within_limits(config)));
+    /// ```
     #[must_use]
     pub fn ik_distinct(
         &self,

@@ -9,6 +9,14 @@ use glamx::{DPose3, DQuat, DVec3, Pose3};
 impl Robot {
     /// The built-in robot of that name.
     ///
+    /// ```
+    /// use lpr_core::robot::Robot;
+    ///
+    /// assert_eq!(Robot::by_name("panda")?.gripper.max_width, 0.08);
+    /// assert_eq!(Robot::by_name("ur5").unwrap_err().to_string(), "robot: unknown robot 'ur5', known: xarm7, panda");
+    /// # Ok::<(), lpr_core::Error>(())
+    /// ```
+    ///
     /// # Errors
     ///
     /// When there is none, naming those that exist.
@@ -20,12 +28,35 @@ impl Robot {
     }
 
     /// Whether every joint is within its limits.
+    ///
+    /// ```
+    /// use lpr_core::robot::PANDA;
+    ///
+    /// let mut config = PANDA.start;
+    /// config[3] = PANDA.joints[3].upper;
+    /// assert!(PANDA.within_limits(&config), "limits belong to the range");
+    /// config[3] += 1e-3;
+    /// assert!(!PANDA.within_limits(&config));
+    /// config[3] = f32::NAN;
+    /// assert!(!PANDA.within_limits(&config));
+    /// ```
     #[must_use]
     pub fn within_limits(&self, config: &JointConfig) -> bool {
         self.joints.iter().zip(config.iter()).all(|(joint, &q)| joint.lower <= q && q <= joint.upper)
     }
 
     /// `world_from_joint` of the seven joint frames in f64.
+    ///
+    /// Every joint turns about the z axis of its frame:
+    ///
+    /// ```
+    /// use lpr_core::glamx::DVec3;
+    /// use lpr_core::robot::XARM7;
+    ///
+    /// let [shoulder, ..] = XARM7.joint_frames(&XARM7.start);
+    /// assert_eq!(shoulder.translation, DVec3::new(0.0, 0.0, 0.267), "metres above the base");
+    /// assert!((shoulder.rotation * DVec3::Z).distance(DVec3::Z) < 1e-12);
+    /// ```
     #[must_use]
     pub fn joint_frames(&self, config: &JointConfig) -> [DPose3; DOF] {
         self.frames_at(&config.0.map(f64::from))
@@ -41,6 +72,17 @@ impl Robot {
     }
 
     /// `world_from_frame` of base, links 1–7 and hand (the flange).
+    ///
+    /// ```
+    /// use lpr_core::glamx::{Pose3, Vec3};
+    /// use lpr_core::robot::{HAND, XARM7};
+    ///
+    /// let world_from_link = XARM7.link_frames(&XARM7.start);
+    /// assert_eq!(world_from_link[0], Pose3::IDENTITY, "the base is the world");
+    /// assert_eq!(world_from_link[HAND], Pose3::from(XARM7.flange(&XARM7.start)));
+    /// // A point 0.172 m ahead of the flange is between the finger pads.
+    /// assert!((world_from_link[HAND] * Vec3::new(0.0, 0.0, 0.172)).distance(XARM7.grip(&XARM7.start).translation) < 1e-5);
+    /// ```
     #[must_use]
     pub fn link_frames(&self, config: &JointConfig) -> [Pose3; N_LINKS] {
         self.link_frames_and_grip(config).0
@@ -60,6 +102,18 @@ impl Robot {
     }
 
     /// `world_from_flange` in f64.
+    ///
+    /// ```
+    /// use lpr_core::glamx::DVec3;
+    /// use lpr_core::robot::PANDA;
+    ///
+    /// // The last joint turns the flange about its own z axis.
+    /// let mut turned = PANDA.start;
+    /// turned[6] += 0.5;
+    /// let (before, after) = (PANDA.flange(&PANDA.start), PANDA.flange(&turned));
+    /// assert!((before.rotation * DVec3::Z).distance(after.rotation * DVec3::Z) < 1e-12);
+    /// assert!(before.translation.distance(after.translation) < 1e-12);
+    /// ```
     #[must_use]
     pub fn flange(&self, config: &JointConfig) -> DPose3 {
         self.joint_frames(config)[DOF - 1] * self.link7_from_flange
@@ -72,12 +126,32 @@ impl Robot {
     }
 
     /// `world_from_grip`: the frame between the finger pads, z approach, y opening.
+    ///
+    /// ```
+    /// use lpr_core::glamx::Vec3;
+    /// use lpr_core::robot::XARM7;
+    ///
+    /// let world_from_grip = XARM7.grip(&XARM7.start);
+    /// let ahead = world_from_grip * Vec3::new(0.0, 0.0, 0.1);
+    /// assert!((world_from_grip.translation.z - ahead.z - 0.1).abs() < 1e-3, "the start looks down on the table");
+    /// ```
     #[must_use]
     pub fn grip(&self, config: &JointConfig) -> Pose3 {
         Pose3::from(self.grip_f64(config))
     }
 
     /// Jacobian of the grip in the world frame: rows are linear velocity (m/rad) then angular velocity (rad/rad).
+    ///
+    /// ```
+    /// use lpr_core::robot::XARM7;
+    ///
+    /// let jacobian = XARM7.jacobian(&XARM7.start);
+    /// let mut turned = XARM7.start;
+    /// turned[0] += 1e-3;
+    /// let moved = XARM7.grip_f64(&turned).translation - XARM7.grip_f64(&XARM7.start).translation;
+    /// assert!((moved.y / 1e-3 - jacobian[1][0]).abs() < 1e-3, "metres per radian of the first joint");
+    /// assert_eq!(jacobian[5][0], 1.0, "which turns about the vertical");
+    /// ```
     #[must_use]
     pub fn jacobian(&self, config: &JointConfig) -> [[f64; DOF]; 6] {
         self.jacobian_of(&self.joint_frames(config))
@@ -100,6 +174,16 @@ impl Robot {
 
 impl super::Joint {
     /// `parent_from_joint` at angle `q`: `Rx(alpha) Tx(a) Rz(q) Tz(d)`.
+    ///
+    /// ```
+    /// use core::f64::consts::FRAC_PI_2;
+    /// use lpr_core::glamx::DVec3;
+    /// use lpr_core::robot::PANDA;
+    ///
+    /// // The fourth joint is 0.0825 m along the x axis of the third's frame, wherever it turns to.
+    /// let parent_from_joint = PANDA.joints[3].transform(FRAC_PI_2);
+    /// assert_eq!(parent_from_joint.translation, DVec3::new(0.0825, 0.0, 0.0));
+    /// ```
     #[must_use]
     pub fn transform(&self, q: f64) -> DPose3 {
         let [(sin_x, cos_x), (sin_alpha, cos_alpha)] = sincos_of_twist(self.alpha);

@@ -10,6 +10,26 @@ use glamx::DVec3;
 pub(super) type Triangle = [DVec3; 3];
 
 /// Reads a mesh by the file name that stands in the description; `None` when there is no such file.
+///
+/// Meshes out of memory, and what is said of one that is not there:
+///
+/// ```
+/// use lpr_core::robot::Chain;
+///
+/// let meshes = |name: &str| (name == "hand.obj").then(|| b"v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 3\n".to_vec());
+/// let urdf = |file: &str| {
+///     format!(
+///         r#"<robot name="hand"><link name="base"/>
+///         <link name="hand"><collision><geometry><mesh filename="{file}"/></geometry></collision></link>
+///         <joint name="turn" type="continuous"><parent link="base"/><child link="hand"/></joint></robot>"#
+///     )
+/// };
+/// let hand = Chain::from_urdf(&urdf("hand.obj"), None, None, &meshes)?;
+/// assert!(!hand.links[1].spheres.is_empty());
+/// let error = Chain::from_urdf(&urdf("claw.obj"), None, None, &meshes).unwrap_err();
+/// assert!(error.to_string().contains("link 'hand', <mesh> on line 2: there is no mesh 'claw.obj'"));
+/// # Ok::<(), lpr_core::Error>(())
+/// ```
 pub type MeshReader<'a> = dyn Fn(&str) -> Option<Vec<u8>> + 'a;
 
 /// Bytes of a binary STL before its triangles: a header and their number.
@@ -115,7 +135,9 @@ fn corner_of(word: &str, corners: &[DVec3]) -> Option<DVec3> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::robot::mistake::mistake;
     use proptest::prelude::*;
+    use proptest::test_runner::RngSeed;
 
     const TETRAHEDRON: &str = "# four faces\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n\
                                f 1 3 2\nf 1/1 2/2 4/3\nf 1//1 4//2 3//3\nf -3 -2 -1\n";
@@ -228,6 +250,25 @@ mod tests {
             bytes.truncate(end.index(bytes.len() + 1));
             let read = read_bytes("a.stl", &bytes);
             prop_assert!(read.is_err_and(|message| message.len() > "mesh 'a.stl': ".len()) || bytes.len() == 84 + 150);
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 500, rng_seed: RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn a_mesh_with_one_mistake_makes_triangles_or_a_message_that_says_where(mistake in mistake()) {
+            let triangles = read_bytes("a.obj", TETRAHEDRON.as_bytes()).expect("a tetrahedron");
+            let files = [("a.obj", TETRAHEDRON.as_bytes()), ("a.stl", &ascii_stl_of(&triangles)), ("a.stl", &binary_stl(&triangles))];
+            for (name, file) in files {
+                match read_bytes(name, &mistake.made_in(file)) {
+                    Ok(found) => prop_assert!(found.iter().flatten().all(|corner| corner.abs().max_element() <= MAX_LENGTH)),
+                    Err(message) => {
+                        let where_or_what = ["line ", "triangle", "corners", "too few"];
+                        prop_assert!(message.contains(name) && where_or_what.iter().any(|it| message.contains(it)), "{message}");
+                    }
+                }
+            }
         }
     }
 }

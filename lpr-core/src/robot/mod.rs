@@ -12,6 +12,8 @@ mod golden;
 mod ik;
 mod kinematics;
 mod mesh;
+#[cfg(test)]
+mod mistake;
 mod panda;
 mod recognise;
 mod srdf;
@@ -37,6 +39,15 @@ pub use xarm7::XARM7;
 pub const DOF: usize = 7;
 
 /// One configuration of the arm, in radians.
+///
+/// ```
+/// use lpr_core::robot::{JointConfig, XARM7};
+///
+/// let mut config = XARM7.start;
+/// config[0] += 0.3;
+/// assert_eq!(config.len(), 7);
+/// assert!((config.distance(&XARM7.start) - 0.3).abs() < 1e-6);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct JointConfig(pub [f32; DOF]);
 
@@ -62,12 +73,28 @@ impl JointConfig {
     }
 
     /// Largest difference of one joint, radians.
+    ///
+    /// ```
+    /// use lpr_core::robot::JointConfig;
+    ///
+    /// let (rest, bent) = (JointConfig([0.0; 7]), JointConfig([0.3, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0]));
+    /// assert_eq!(rest.max_joint_distance(&bent), 0.4);
+    /// assert_eq!(rest.distance(&bent), 0.5);
+    /// ```
     #[must_use]
     pub fn max_joint_distance(&self, other: &Self) -> f32 {
         self.iter().zip(other.iter()).fold(0.0, |most, (a, b)| (a - b).abs().max(most))
     }
 
     /// The point at `fraction` of the straight joint-space line from `self` to `other`.
+    ///
+    /// ```
+    /// use lpr_core::robot::{JointConfig, XARM7};
+    ///
+    /// let goal = JointConfig(XARM7.start.map(|q| q + 0.5));
+    /// let quarter = XARM7.start.lerp(&goal, 0.25);
+    /// assert!(quarter.iter().zip(XARM7.start.iter()).all(|(q, start)| (q - start - 0.125).abs() < 1e-6));
+    /// ```
     #[must_use]
     pub fn lerp(&self, other: &Self, fraction: f32) -> Self {
         Self(core::array::from_fn(|j| self[j] + (other[j] - self[j]) * fraction))
@@ -140,6 +167,17 @@ pub const N_LINKS: usize = DOF + 2;
 pub const HAND: usize = DOF + 1;
 
 /// A serial arm with seven revolute joints, a spherical shoulder and a gripper.
+///
+/// The frame that poses and curves are of is `grip`, between the finger pads; the flange is that far behind it:
+///
+/// ```
+/// use lpr_core::robot::{PANDA, XARM7};
+///
+/// for robot in [&XARM7, &PANDA] {
+///     let behind = robot.flange(&robot.start).translation - robot.grip_f64(&robot.start).translation;
+///     assert!((behind.length() - robot.flange_from_grip.translation.z).abs() < 1e-9);
+/// }
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Robot {
     /// Name on the command line.
@@ -177,4 +215,11 @@ pub struct Capsule {
 }
 
 /// The built-in robots; the first is the default.
+///
+/// ```
+/// use lpr_core::robot::ROBOTS;
+///
+/// assert_eq!(ROBOTS.map(|robot| robot.name), ["xarm7", "panda"]);
+/// assert!(ROBOTS.iter().all(|robot| robot.within_limits(&robot.start) && !robot.self_collides(&robot.start)));
+/// ```
 pub const ROBOTS: [&Robot; 2] = [&XARM7, &PANDA];

@@ -11,6 +11,19 @@ impl Chain {
     /// of inverse kinematics. None for other arms.
     ///
     /// Everything else of it, gripper and spheres among it, is the built-in arm's.
+    ///
+    /// ```
+    /// use lpr_core::robot::{Chain, XARM7};
+    ///
+    /// let mut arm = Chain::from_robot(&XARM7);
+    /// arm.joints[0].upper = 1.0;
+    /// let robot = arm.as_built_in().expect("its frames are an xArm7's");
+    /// assert_eq!((robot.name, robot.joints[0].upper), ("xarm7", 1.0));
+    /// assert!(robot.ik_nearest(&robot.grip(&robot.start), &robot.start).is_some());
+    ///
+    /// arm.joints[3].parent_from_joint.translation.z += 0.01;
+    /// assert!(arm.as_built_in().is_none());
+    /// ```
     #[must_use]
     pub fn as_built_in(&self) -> Option<Robot> {
         if self.dof() != DOF || self.joints.iter().any(|joint| joint.motion == Motion::Slide) {

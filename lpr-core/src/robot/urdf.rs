@@ -38,6 +38,27 @@ impl Chain {
     ///   which cannot move against each other, always are. Only links with geometry are in pairs.
     /// - `meshes` gives the bytes of a mesh by the file name that stands in the URDF; `.stl` and `.obj` are understood.
     ///
+    /// ```
+    /// use lpr_core::robot::{Chain, JointConfig};
+    ///
+    /// let urdf = r#"<robot name="pointer">
+    ///   <link name="base"/>
+    ///   <link name="arm"><collision><origin xyz="0.2 0 0"/><geometry><sphere radius="0.05"/></geometry></collision></link>
+    ///   <joint name="yaw" type="revolute">
+    ///     <parent link="base"/><child link="arm"/><origin xyz="0 0 0.5"/><axis xyz="0 0 1"/>
+    ///     <limit lower="-1" upper="1" velocity="2" effort="9"/>
+    ///   </joint>
+    /// </robot>"#;
+    /// let arm = Chain::from_urdf(urdf, None, None, &|_| None)?;
+    /// assert_eq!((arm.dof(), arm.joints[0].name.as_str(), arm.links[1].spheres.len()), (1, "yaw", 1));
+    /// assert!(!arm.within_limits(&JointConfig([1.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])));
+    ///
+    /// let broken = urdf.replace(r#"child link="arm""#, r#"child link="leg""#);
+    /// let error = Chain::from_urdf(&broken, None, None, &|_| None).unwrap_err();
+    /// assert_eq!(error.to_string(), "robot: joint 'yaw', <child> on line 5: there is no link 'leg'");
+    /// # Ok::<(), lpr_core::Error>(())
+    /// ```
+    ///
     /// # Errors
     ///
     /// [`Error::Robot`] with the element, its line and the link or joint it belongs to: XML that is malformed or has macros in

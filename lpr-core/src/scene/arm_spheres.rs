@@ -16,6 +16,20 @@ pub(super) const CLUSTER: usize = 4;
 const QUARTER_TURN_SLACK: f64 = 1e-5;
 
 /// The spheres of a robot, its kinematics in f32 and the pairs of links that may meet.
+///
+/// ```
+/// use lpr_core::robot::PANDA;
+/// use lpr_core::scene::ArmSpheres;
+///
+/// let arm = ArmSpheres::new(&PANDA);
+/// let lowest_of_hand = arm
+///     .spheres_at(&PANDA.start)
+///     .filter(|(link, _)| *link == "hand")
+///     .map(|(_, sphere)| sphere.center.z - sphere.radius)
+///     .fold(f32::INFINITY, f32::min);
+/// let grip = PANDA.grip(&PANDA.start).translation;
+/// assert!(lowest_of_hand < grip.z && lowest_of_hand > grip.z - 0.05, "the fingers end just below the grip");
+/// ```
 #[derive(Debug, Clone)]
 pub struct ArmSpheres {
     pub(crate) level: Level,
@@ -96,10 +110,24 @@ impl ArmSpheres {
 
     /// The spheres of an arm that is described at run time.
     ///
+    /// ```
+    /// use lpr_core::robot::{Chain, PANDA};
+    /// use lpr_core::scene::{ArmSpheres, Scene};
+    ///
+    /// let mut chain = Chain::from_robot(&PANDA);
+    /// chain.links.retain(|link| link.name != "hand");
+    /// let arm = ArmSpheres::from_chain(&chain)?;
+    /// assert!(arm.spheres_at(&PANDA.start).all(|(link, _)| link != "hand"));
+    /// assert!(Scene::empty().is_free(&arm, &PANDA.start));
+    /// # Ok::<(), lpr_core::Error>(())
+    /// ```
+    ///
     /// # Errors
     ///
-    /// When more than [`MAX_LINKS`] links have spheres.
+    /// When more than [`MAX_LINKS`] links have spheres, there are more than [`DOF`] joints, a frame or sphere is not finite, or a
+    /// link is carried by a joint that there is not.
     pub fn from_chain(chain: &Chain) -> Result<Self> {
+        check_chain(chain)?;
         let mut order: Vec<usize> = (0..chain.links.len()).filter(|&i| !chain.links[i].spheres.is_empty()).collect();
         order.sort_by_key(|&i| core::cmp::Reverse(chain.links[i].body));
         check_count(order.len())?;
@@ -121,6 +149,24 @@ impl ArmSpheres {
     ///
     /// The object is tested against everything that the hand is, and against every link but those named in `touching`.
     ///
+    /// A stick that reaches 20 cm beyond the fingers:
+    ///
+    /// ```
+    /// use lpr_core::glamx::{Pose3, Vec3};
+    /// use lpr_core::robot::{Sphere, XARM7};
+    /// use lpr_core::scene::{ArmSpheres, Primitive, Scene};
+    ///
+    /// let flange_from_grip = Pose3::from(XARM7.flange_from_grip);
+    /// let ball = |i: u8| Sphere { center: flange_from_grip * Vec3::new(0.0, 0.0, 0.02 * f32::from(i)), radius: 0.015 };
+    /// let arm = ArmSpheres::new(&XARM7);
+    /// let with_stick = arm.with_attached(&(0..=10).map(ball).collect::<Vec<_>>(), &["hand"])?;
+    ///
+    /// let below = XARM7.grip(&XARM7.start) * Vec3::new(0.0, 0.0, 0.2);
+    /// let scene = Scene::from_primitives(vec![Primitive::Sphere { center: below, radius: 0.05 }]);
+    /// assert!(scene.is_free(&arm, &XARM7.start) && !scene.is_free(&with_stick, &XARM7.start));
+    /// # Ok::<(), lpr_core::Error>(())
+    /// ```
+    ///
     /// # Errors
     ///
     /// When a link in `touching` has no spheres or does not exist, a sphere is not finite, or there are too many links.
@@ -128,7 +174,7 @@ impl ArmSpheres {
         if let Some(name) = touching.iter().find(|name| !self.links.iter().any(|link| link.name == **name)) {
             return Err(Error::Robot(format!("link {name}: is none that has spheres")));
         }
-        if let Some(idx) = spheres.iter().position(|s| !(s.center.is_finite() && s.radius.is_finite() && s.radius >= 0.0)) {
+        if let Some(idx) = spheres.iter().position(is_broken) {
             return Err(Error::Robot(format!("attached sphere {idx}: {:?}", spheres[idx])));
         }
         let mut arm = self.clone();
@@ -154,6 +200,12 @@ impl ArmSpheres {
     #[must_use]
     pub const fn limits(&self) -> &[(f32, f32); DOF] {
         &self.limits
+    }
+
+    /// Whether every joint that there is is within its limits.
+    pub(crate) fn is_within_limits(&self, config: &JointConfig) -> bool {
+        let limits = self.limits.iter().take(self.joints.len());
+        limits.zip(config.iter()).all(|((lower, upper), q)| lower <= q && q <= upper)
     }
 
     /// Frames of the base and of what every joint carries, in f32: quicker than [`Robot::link_frames`] and within a few
@@ -199,6 +251,30 @@ impl LinkSpheres {
 /// Pairs `a < b` of `n` links.
 fn pairs(n: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..n).flat_map(move |a| (a + 1..n).map(move |b| (a, b)))
+}
+
+fn is_broken(sphere: &Sphere) -> bool {
+    !(sphere.center.is_finite() && sphere.radius.is_finite() && sphere.radius >= 0.0)
+}
+
+/// The parts of a chain are public: whoever wrote them, numbers that decide collisions are numbers.
+fn check_chain(chain: &Chain) -> Result<()> {
+    let fault = |what: String| Err(Error::Robot(what));
+    if chain.dof() > DOF {
+        return fault(format!("{} joints, at most {DOF} may be", chain.dof()));
+    }
+    if let Some(joint) = chain.joints.iter().find(|joint| !joint.parent_from_joint.is_finite()) {
+        return fault(format!("joint {}: its frame is not finite", joint.name));
+    }
+    for link in &chain.links {
+        if link.body > chain.dof() {
+            return fault(format!("link {}: is on body {}, the last is {}", link.name, link.body, chain.dof()));
+        }
+        if let Some(sphere) = link.spheres.iter().find(|sphere| is_broken(sphere)) {
+            return fault(format!("link {}: {sphere:?}", link.name));
+        }
+    }
+    Ok(())
 }
 
 fn check_count(n_links: usize) -> Result<()> {
@@ -317,6 +393,25 @@ mod tests {
                     prop_assert_ne!(grown(-1e-5), grown(1e-5));
                 }
             }
+        }
+    }
+
+    #[test]
+    fn a_chain_with_a_part_that_makes_no_sense_is_refused_by_the_name_of_the_part() {
+        type Change = fn(&mut Chain);
+        let cases: [(Change, &str); 5] = [
+            (|chain| chain.links[3].spheres[0].radius = -0.1, "link link3"),
+            (|chain| chain.links[3].spheres[0].center.y = f32::NAN, "link link3"),
+            (|chain| chain.links[3].body = 8, "link link3: is on body 8, the last is 7"),
+            (|chain| chain.joints[2].parent_from_joint.translation.x = f64::INFINITY, "joint joint3"),
+            (|chain| chain.joints.push(chain.joints[0].clone()), "8 joints"),
+        ];
+        for (change, says) in cases {
+            let mut chain = Chain::from_robot(ROBOTS[0]);
+            assert!(ArmSpheres::from_chain(&chain).is_ok());
+            change(&mut chain);
+            let error = ArmSpheres::from_chain(&chain).expect_err(says).to_string();
+            assert!(error.contains(says), "{error}");
         }
     }
 

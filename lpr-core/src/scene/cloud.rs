@@ -20,6 +20,17 @@ const WINDOW: usize = 10;
 const FAR: u8 = (WINDOW * WINDOW) as u8;
 
 /// Balls of one radius around points, with fast queries.
+///
+/// ```
+/// use lpr_core::glamx::Vec3;
+/// use lpr_core::scene::PointCloud;
+///
+/// let cloud = PointCloud::new(&[Vec3::ZERO, Vec3::X, Vec3::NAN], 0.01);
+/// assert_eq!(cloud.points().len(), 2, "what is not finite is dropped");
+/// // Two balls of 1 cm and 4 cm meet at up to 5 cm.
+/// assert!(cloud.touches(Vec3::new(0.0, 0.049, 0.0), 0.04));
+/// assert!(!cloud.touches(Vec3::new(0.0, 0.051, 0.0), 0.04));
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct PointCloud {
     /// Radius of the ball around every point, metres.
@@ -46,7 +57,7 @@ impl PointCloud {
     /// A cloud of balls of `point_radius` (metres) around `points`; points that are not finite are dropped.
     #[must_use]
     pub fn new(points: &[Vec3], point_radius: f32) -> Self {
-        let points: Vec<Vec3> = points.iter().copied().filter(|point| point.abs().max_element() <= MAX_COORDINATE).collect();
+        let points: Vec<Vec3> = points.iter().copied().filter(|point| is_usable(*point)).collect();
         let grid = Grid::around(&points);
         let (points, cell_starts) = sort_by_cell(&points, &grid);
         let squared_gaps = squared_gaps(&grid, &cell_starts);
@@ -72,6 +83,16 @@ impl PointCloud {
     }
 
     /// The point nearest `center`, if one lies within `reach` of it. Metres.
+    ///
+    /// ```
+    /// use lpr_core::glamx::Vec3;
+    /// use lpr_core::scene::PointCloud;
+    ///
+    /// let cloud = PointCloud::new(&[Vec3::ZERO, Vec3::X], 0.01);
+    /// let asked = Vec3::new(0.7, 0.0, 0.0);
+    /// assert_eq!(cloud.nearest_within(asked, 0.5), Some(Vec3::X));
+    /// assert_eq!(cloud.nearest_within(asked, 0.2), None, "the reach is to the point, not to its ball");
+    /// ```
     #[must_use]
     pub fn nearest_within(&self, center: Vec3, reach: f32) -> Option<Vec3> {
         if self.is_surely_clear(center, reach) {
@@ -90,6 +111,16 @@ impl PointCloud {
     }
 
     /// Whether the grid alone shows that a ball at `center` meets no point: quick, and never wrong when it says yes.
+    ///
+    /// ```
+    /// use lpr_core::glamx::Vec3;
+    /// use lpr_core::scene::PointCloud;
+    ///
+    /// let cloud = PointCloud::new(&[Vec3::ZERO, Vec3::new(0.1, 0.0, 0.0)], 0.01);
+    /// assert!(cloud.is_surely_clear(Vec3::Z, 0.5));
+    /// let between = Vec3::new(0.05, 0.0, 0.0);
+    /// assert!(!cloud.touches(between, 0.03) && !cloud.is_surely_clear(between, 0.03), "clear, at a closer look");
+    /// ```
     #[must_use]
     pub fn is_surely_clear(&self, center: Vec3, radius: f32) -> bool {
         if self.points.is_empty() {
@@ -168,25 +199,40 @@ impl PointCloud {
     }
 }
 
-/// One point for every cube of side `voxel` (metres) that holds any: the first of `points` in it.
+/// One point for every cube of side `voxel` (metres, at least a millimetre) that holds any: the first of `points` in it.
 ///
-/// Points that are not finite are dropped. The result is ordered by cube.
+/// Points that are not finite or further than a kilometre away are dropped. The result is ordered by cube.
+///
+/// ```
+/// use lpr_core::glamx::Vec3;
+/// use lpr_core::scene::downsample;
+///
+/// let along_x = |x: f32| Vec3::new(x, 0.0, 0.0);
+/// let points = [along_x(0.012), along_x(0.004), along_x(0.018), Vec3::NAN];
+/// assert_eq!(downsample(&points, 0.01), [along_x(0.004), along_x(0.012)]);
+/// ```
 #[must_use]
 pub fn downsample(points: &[Vec3], voxel: f32) -> Vec<Vec3> {
     /// Bits of a cube's index along one axis.
     const BITS: u32 = 21;
+    /// With smaller cubes, their indices would not reach a kilometre, metres.
+    const LEAST_VOXEL: f32 = 1e-3;
+    let voxel = voxel.max(LEAST_VOXEL);
     let offset = (1_i64 << (BITS - 1)) as f32;
     let mut keyed: Vec<(u64, u32)> = Vec::with_capacity(points.len());
-    for (idx, point) in points.iter().enumerate() {
+    for (idx, point) in points.iter().enumerate().filter(|(_, point)| is_usable(**point)) {
         let cube = (*point / voxel).floor() + Vec3::splat(offset);
-        if cube.is_finite() && cube.min_element() >= 0.0 && cube.max_element() < 2.0 * offset {
-            let key = ((cube.z as u64) << (2 * BITS)) | ((cube.y as u64) << BITS) | cube.x as u64;
-            keyed.push((key, idx as u32));
-        }
+        let key = ((cube.z as u64) << (2 * BITS)) | ((cube.y as u64) << BITS) | cube.x as u64;
+        keyed.push((key, idx as u32));
     }
     keyed.sort_unstable();
     keyed.dedup_by_key(|(key, _)| *key);
     keyed.iter().map(|(_, idx)| points[*idx as usize]).collect()
+}
+
+/// Whether a point is near enough for the grid; axis by axis, since the largest element of a vector may hide a NaN.
+fn is_usable(point: Vec3) -> bool {
+    point.abs().cmple(Vec3::splat(MAX_COORDINATE)).all()
 }
 
 impl Grid {
@@ -319,6 +365,27 @@ mod tests {
             assert!(!cloud.touches(Vec3::ZERO, 10.0));
         }
         assert!(downsample(&broken, 0.01).is_empty());
+    }
+
+    #[test]
+    fn a_point_with_one_broken_coordinate_hides_no_other_point() {
+        let along_x = |x: f32| Vec3::new(x, 0.0, 0.0);
+        for broken in [Vec3::new(f32::NAN, 0.0, 0.0), Vec3::new(0.0, f32::NAN, 0.0), Vec3::new(0.0, 0.0, f32::NAN)] {
+            let points = [along_x(0.0), broken, along_x(1.0)];
+            let cloud = PointCloud::new(&points, 0.01);
+            assert_eq!(cloud.points(), [along_x(0.0), along_x(1.0)]);
+            assert!(cloud.touches(along_x(-0.02), 0.02) && cloud.touches(along_x(1.02), 0.02));
+            assert_eq!(downsample(&points, 0.01).len(), 2);
+        }
+    }
+
+    #[test]
+    fn cubes_of_no_side_lose_no_points() {
+        let points = [Vec3::new(0.5, 0.0, 0.0), Vec3::new(0.51, 0.0, 0.0), Vec3::splat(MAX_COORDINATE)];
+        for voxel in [1e-3, 1e-9, 0.0, -1.0, f32::NAN] {
+            assert_eq!(downsample(&points, voxel), points, "{voxel}");
+        }
+        assert_eq!(downsample(&points, f32::INFINITY).len(), 1);
     }
 
     #[test]

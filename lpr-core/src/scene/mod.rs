@@ -35,6 +35,19 @@ use glamx::Vec3;
 use solids::Solids;
 
 /// Obstacles in the world frame.
+///
+/// ```
+/// use lpr_core::glamx::Vec3;
+/// use lpr_core::robot::XARM7;
+/// use lpr_core::scene::{ArmSpheres, Primitive, Scene};
+///
+/// let arm = ArmSpheres::new(&XARM7);
+/// assert!(Scene::empty().is_free(&arm, &XARM7.start));
+///
+/// let in_the_hand = XARM7.grip(&XARM7.start).translation;
+/// let ball = Primitive::Sphere { center: in_the_hand, radius: 0.05 };
+/// assert!(!Scene::from_primitives(vec![ball]).is_free(&arm, &XARM7.start));
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
     solids: Solids,
@@ -59,12 +72,32 @@ impl Scene {
     }
 
     /// A scene of balls of `point_radius` (metres) around `points`.
+    ///
+    /// ```
+    /// use lpr_core::glamx::Vec3;
+    /// use lpr_core::robot::PANDA;
+    /// use lpr_core::scene::{ArmSpheres, Scene};
+    ///
+    /// let elbow = PANDA.link_frames(&PANDA.start)[4].translation;
+    /// let arm = ArmSpheres::new(&PANDA);
+    /// assert!(!Scene::from_points(&[elbow], 0.01).is_free(&arm, &PANDA.start));
+    /// assert!(Scene::from_points(&[elbow + Vec3::X, Vec3::NAN], 0.01).is_free(&arm, &PANDA.start));
+    /// ```
     #[must_use]
     pub fn from_points(points: &[Vec3], point_radius: f32) -> Self {
         Self::empty().with_points(points, point_radius)
     }
 
     /// The same solids among balls of `point_radius` (metres) around `points`.
+    ///
+    /// ```
+    /// use lpr_core::glamx::Vec3;
+    /// use lpr_core::scene::{Primitive, Scene};
+    ///
+    /// let post = Primitive::Capsule { a: Vec3::X, b: Vec3::new(1.0, 0.0, 1.0), radius: 0.05 };
+    /// let scene = Scene::from_primitives(vec![post]).with_points(&[Vec3::Y], 0.01);
+    /// assert_eq!((scene.primitives().count(), scene.arm_points().points()), (1, &[Vec3::Y][..]));
+    /// ```
     #[must_use]
     pub fn with_points(self, points: &[Vec3], point_radius: f32) -> Self {
         let cloud = PointCloud::new(points, point_radius);
@@ -91,6 +124,22 @@ impl Scene {
     /// Lets the link of that name touch one of the primitives, counted in the order in which they were given.
     ///
     /// The scene is then one for `arm`: other arms number their links otherwise.
+    ///
+    /// ```
+    /// use lpr_core::robot::XARM7;
+    /// use lpr_core::scene::{ArmSpheres, Primitive, Scene};
+    ///
+    /// let arm = ArmSpheres::new(&XARM7);
+    /// let grasped = Primitive::Sphere { center: XARM7.grip(&XARM7.start).translation, radius: 0.05 };
+    /// let mut scene = Scene::from_primitives(vec![grasped]);
+    /// assert!(!scene.is_free(&arm, &XARM7.start));
+    /// scene.allow_contact(&arm, "hand", 0)?;
+    /// assert!(scene.is_free(&arm, &XARM7.start));
+    ///
+    /// let error = scene.allow_contact(&arm, "claw", 0).unwrap_err();
+    /// assert_eq!(error.to_string(), "robot: link claw: is none that has spheres");
+    /// # Ok::<(), lpr_core::Error>(())
+    /// ```
     ///
     /// # Errors
     ///

@@ -7,6 +7,23 @@ use core::cell::Cell;
 use core::fmt;
 
 /// Checks motions of one arm in one scene at a fixed resolution, and counts the configurations it looked at.
+///
+/// Both ends are free, but not the way between them:
+///
+/// ```
+/// use lpr_core::glamx::Vec3;
+/// use lpr_core::robot::XARM7;
+/// use lpr_core::scene::{ArmSpheres, MotionChecker, Primitive, Scene};
+///
+/// let (mut left, mut right) = (XARM7.start, XARM7.start);
+/// (left[0], right[0]) = (0.8, -0.8);
+/// let post = Primitive::Capsule { a: Vec3::new(0.3, 0.0, 0.0), b: Vec3::new(0.3, 0.0, 0.9), radius: 0.05 };
+/// let (scene, arm) = (Scene::from_primitives(vec![post]), ArmSpheres::new(&XARM7));
+/// let checker = MotionChecker::new(&scene, &arm, 32.0);
+/// assert!(checker.is_free(&left) && checker.is_free(&right));
+/// assert!(!checker.motion_is_free(&left, &right));
+/// assert!(!checker.path_is_free(&[left, right]) && checker.path_is_free(&[left]));
+/// ```
 #[derive(Clone)]
 pub struct MotionChecker<'a> {
     scene: &'a Scene,
@@ -35,6 +52,27 @@ impl<'a> MotionChecker<'a> {
 
     /// The same, for planners that give up with [`Rejection::Stopped`](crate::path::Rejection::Stopped) once `stop` says so: they
     /// ask in every iteration. A clock makes results depend on the machine; a flag ends a search that nobody waits for.
+    ///
+    /// ```
+    /// use lpr_core::glamx::Vec3;
+    /// use lpr_core::path::{Rejection, RrtSettings, rrt_connect};
+    /// use lpr_core::rng::{Stream, stream};
+    /// use lpr_core::robot::XARM7;
+    /// use lpr_core::scene::{ArmSpheres, MotionChecker, Primitive, Scene};
+    /// use std::sync::atomic::{AtomicBool, Ordering};
+    ///
+    /// let post = Primitive::Capsule { a: Vec3::new(0.3, 0.0, 0.0), b: Vec3::new(0.3, 0.0, 0.9), radius: 0.05 };
+    /// let (scene, arm) = (Scene::from_primitives(vec![post]), ArmSpheres::new(&XARM7));
+    /// let (mut start, mut goal) = (XARM7.start, XARM7.start);
+    /// (start[0], goal[0]) = (0.8, -0.8);
+    ///
+    /// let is_cancelled = AtomicBool::new(true);
+    /// let stop = || is_cancelled.load(Ordering::Relaxed);
+    /// let checker = MotionChecker::new(&scene, &arm, 32.0).stopped_by(&stop);
+    /// let settings = RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 5000 };
+    /// let plan = rrt_connect(&checker, &start, &[goal], &settings, &mut stream(0, Stream::Planner, 0));
+    /// assert_eq!(plan, Err(Rejection::Stopped));
+    /// ```
     #[must_use]
     pub fn stopped_by(self, stop: &'a dyn Fn() -> bool) -> Self {
         Self { stop: Some(stop), ..self }
@@ -51,6 +89,19 @@ impl<'a> MotionChecker<'a> {
     }
 
     /// The same checks at `factor` times the resolution, counted anew.
+    ///
+    /// ```
+    /// use lpr_core::robot::{JointConfig, PANDA};
+    /// use lpr_core::scene::{ArmSpheres, MotionChecker, Scene};
+    ///
+    /// let (scene, arm) = (Scene::empty(), ArmSpheres::new(&PANDA));
+    /// let coarse = MotionChecker::new(&scene, &arm, 16.0);
+    /// let fine = coarse.finer(4.0);
+    /// let mut turned = PANDA.start;
+    /// turned[0] += 1.0;
+    /// assert!(coarse.motion_is_free(&PANDA.start, &turned) && fine.motion_is_free(&PANDA.start, &turned));
+    /// assert_eq!((coarse.n_checks(), fine.n_checks()), (16, 64));
+    /// ```
     #[must_use]
     pub fn finer(&self, factor: f32) -> Self {
         Self { checks_per_radian: factor * self.checks_per_radian, n_checks: Cell::new(0), ..*self }

@@ -30,6 +30,21 @@ pub const HELD_BOX: [Vec3; 2] = [Vec3::new(-0.08, -0.08, -0.08), Vec3::new(0.08,
 const HAND_LENGTH: f32 = 0.25;
 
 /// Whether the gripper holds something.
+///
+/// What the gripper closed on is not in its own way:
+///
+/// ```
+/// use lpr_core::glamx::Vec3;
+/// use lpr_core::robot::XARM7;
+/// use lpr_core::scene::{Holding, ObstacleQuery, obstacle_scene};
+///
+/// let beside = XARM7.grip(&XARM7.start) * Vec3::new(0.07, 0.0, 0.0);
+/// let n_obstacles = |holding| {
+///     let query = ObstacleQuery { robot: &XARM7, measured: &XARM7.start, goal: None, holding };
+///     obstacle_scene(&query, &[beside]).arm_points().points().len()
+/// };
+/// assert_eq!((n_obstacles(Holding::Nothing), n_obstacles(Holding::Object)), (1, 0));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Holding {
     /// The gripper is empty.
@@ -55,6 +70,25 @@ pub struct ObstacleQuery<'a> {
 ///
 /// Dropped: points that are not finite or beyond the arm's reach, the robot itself, and the held object. Points within
 /// [`CONTACT_DISTANCE`] of the gripper at the start or the goal stay obstacles for links 1–7 only.
+///
+/// ```
+/// use lpr_core::glamx::{Pose3, Vec3};
+/// use lpr_core::robot::XARM7;
+/// use lpr_core::scene::{Holding, ObstacleQuery, obstacle_scene};
+///
+/// // A camera sees a box on the table, the arm's own elbow, a wall out of reach, and a pixel without depth.
+/// let on_box = Vec3::new(0.4, 0.3, 0.1);
+/// let elbow = XARM7.link_frames(&XARM7.start)[4].translation;
+/// let seen = [on_box, elbow, Vec3::new(5.0, 0.0, 1.0), Vec3::INFINITY];
+///
+/// // Where the hand goes next, a finger will touch the box.
+/// let rotation = XARM7.grip(&XARM7.start).rotation;
+/// let goal = Pose3::from_parts(on_box - rotation * Vec3::new(0.0, 0.05, 0.0), rotation);
+/// let query = ObstacleQuery { robot: &XARM7, measured: &XARM7.start, goal: Some(&goal), holding: Holding::Nothing };
+/// let scene = obstacle_scene(&query, &seen);
+/// assert_eq!(scene.arm_points().points(), [on_box]);
+/// assert!(scene.hand_points().points().is_empty(), "it is no obstacle to the hand");
+/// ```
 #[must_use]
 pub fn obstacle_scene(query: &ObstacleQuery<'_>, points: &[Vec3]) -> Scene {
     let arm = ArmSpheres::new(query.robot);

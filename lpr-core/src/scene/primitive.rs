@@ -4,6 +4,18 @@ use super::Shape;
 use glamx::{Pose3, Vec3};
 
 /// A solid obstacle in the world frame. Lengths in metres.
+///
+/// ```
+/// use lpr_core::glamx::{Pose3, Vec3};
+/// use lpr_core::scene::Primitive;
+///
+/// let table = Primitive::Cuboid {
+///     world_from_box: Pose3::from_translation(Vec3::new(0.5, 0.0, -0.02)),
+///     half_extents: Vec3::new(0.4, 0.6, 0.02),
+/// };
+/// assert!((table.distance(Vec3::new(0.5, 0.3, 0.1)) - 0.1).abs() < 1e-6, "10 cm above it");
+/// assert_eq!(table.distance(Vec3::new(0.5, 0.3, -0.01)), 0.0, "inside");
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub enum Primitive {
     /// All points within `radius` of `center`.
@@ -46,6 +58,16 @@ pub enum Primitive {
 }
 
 /// A plane; what it bounds lies behind it.
+///
+/// ```
+/// use lpr_core::glamx::Vec3;
+/// use lpr_core::scene::{Face, Primitive};
+///
+/// // A slab 2 cm thick: the points behind both of its faces.
+/// let faces = vec![Face { normal: Vec3::Z, offset: 0.01 }, Face { normal: Vec3::NEG_Z, offset: 0.01 }];
+/// let slab = Primitive::Hull { faces };
+/// assert_eq!((slab.distance(Vec3::ZERO), slab.distance(Vec3::new(9.0, 9.0, 0.51))), (0.0, 0.5));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Face {
     /// Unit normal, outwards.
@@ -56,6 +78,21 @@ pub struct Face {
 
 impl Primitive {
     /// The obstacle that `shape` makes at `world_from_shape`; a convex hull of points in a plane becomes the box around them.
+    ///
+    /// ```
+    /// use lpr_core::glamx::{Pose3, Quat, Vec3};
+    /// use lpr_core::scene::{Primitive, Shape};
+    ///
+    /// // A capsule along its own z, laid down along the world's y.
+    /// let lying = Pose3::from_parts(Vec3::X, Quat::from_rotation_x(core::f32::consts::FRAC_PI_2));
+    /// let handle = Primitive::new(&Shape::Capsule { radius: 0.01, half_length: 0.05 }, &lying);
+    /// assert!((handle.distance(Vec3::new(1.0, 0.08, 0.0)) - 0.02).abs() < 1e-6);
+    ///
+    /// // The hull of four corners is bounded by four faces.
+    /// let corners = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z];
+    /// let hull = Primitive::new(&Shape::Convex { points: corners }, &Pose3::IDENTITY);
+    /// assert!(matches!(hull, Primitive::Hull { faces } if faces.len() == 4));
+    /// ```
     #[must_use]
     pub fn new(shape: &Shape, world_from_shape: &Pose3) -> Self {
         match shape {

@@ -11,6 +11,21 @@ use crate::robot::{DOF, JointConfig, Motion, Sphere};
 use glamx::Vec3;
 
 /// How near a link is to an obstacle, or to another link.
+///
+/// The gradient says where to turn a joint to make room:
+///
+/// ```
+/// use lpr_core::glamx::Vec3;
+/// use lpr_core::robot::XARM7;
+/// use lpr_core::scene::{ArmSpheres, Primitive, Scene};
+///
+/// // A ball to the left of the hand: turning the base to the right leads away from it.
+/// let beside = XARM7.grip(&XARM7.start).translation + Vec3::new(0.0, 0.2, 0.0);
+/// let scene = Scene::from_primitives(vec![Primitive::Sphere { center: beside, radius: 0.05 }]);
+/// let near = scene.proximities(&ArmSpheres::new(&XARM7), &XARM7.start, 0.1);
+/// let hand = near.iter().min_by(|a, b| a.gradient[0].total_cmp(&b.gradient[0])).unwrap();
+/// assert!(hand.distance > 0.0 && hand.distance < 0.1 && hand.gradient[0] < 0.0);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Proximity {
     /// Gap between them, metres; negative when they overlap.

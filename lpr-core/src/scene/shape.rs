@@ -39,6 +39,17 @@ pub enum Shape {
 }
 
 /// A shape placed in the frame of the body or link that it belongs to, with its colour.
+///
+/// ```
+/// use lpr_core::glamx::{Pose3, Vec3};
+/// use lpr_core::scene::{Part, Primitive, Shape};
+///
+/// // A knob 3 cm in front of its drawer, which stands half a metre ahead.
+/// let knob = Part::new(Shape::Sphere { radius: 0.01 }, Pose3::translation(-0.03, 0.0, 0.0), [200, 160, 40]);
+/// let world_from_drawer = Pose3::translation(0.5, 0.0, 0.2);
+/// let solid = Primitive::new(&knob.shape, &(world_from_drawer * knob.pose));
+/// assert!((solid.distance(Vec3::new(0.4, 0.0, 0.2)) - 0.06).abs() < 1e-6);
+/// ```
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Part {

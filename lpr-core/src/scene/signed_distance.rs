@@ -5,6 +5,17 @@ use super::primitive::{from_segment, length};
 use glamx::Vec3;
 
 /// How far a point is from a surface.
+///
+/// ```
+/// use lpr_core::glamx::Vec3;
+/// use lpr_core::scene::{Primitive, SignedDistance};
+///
+/// let ball = Primitive::Sphere { center: Vec3::ZERO, radius: 0.5 };
+/// let inside = ball.signed_distance(Vec3::new(0.25, 0.0, 0.0));
+/// assert_eq!(inside, SignedDistance { distance: -0.25, normal: Vec3::X });
+/// // The way out: as far as the point is deep, along the normal.
+/// assert_eq!(ball.signed_distance(Vec3::new(0.25, 0.0, 0.0) - inside.distance * inside.normal).distance, 0.0);
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SignedDistance {
     /// Distance from the surface, metres; negative inside.

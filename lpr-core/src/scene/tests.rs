@@ -233,3 +233,20 @@ fn a_resolution_beyond_all_bounds_is_one_that_ends() {
     assert!(!MotionChecker::new(&scene, &arm, f32::MAX).motion_is_free(&a, &b));
     assert!(!MotionChecker::new(&scene, &arm, f32::INFINITY).motion_is_free(&a, &b));
 }
+
+#[test]
+fn a_million_points_make_a_scene_that_answers() {
+    let robot = stick_arm();
+    let arm = ArmSpheres::new(&robot);
+    let grip = robot.grip(&robot.start).translation;
+    // A wall of a thousand by a thousand points, 1 mm apart.
+    let wall = |x: f32| -> Vec<Vec3> {
+        let along = |n: u16| 0.001 * (f32::from(n) - 500.0);
+        (0..1000).flat_map(|y| (0..1000).map(move |z| Vec3::new(x, along(y), 0.6 + along(z)))).collect()
+    };
+    let far = Scene::from_points(&wall(grip.x + 0.5), 0.001);
+    assert_eq!(far.arm_points().points().len(), 1_000_000);
+    assert!(far.is_free(&arm, &robot.start));
+    assert!(!Scene::from_points(&wall(grip.x), 0.001).is_free(&arm, &robot.start));
+    assert_eq!(far.proximities(&arm, &robot.start, 0.6).iter().filter(|near| near.distance <= 0.0).count(), 0);
+}

@@ -109,3 +109,29 @@ fn find_mesh(folder: &Path, name: &str) -> Option<Vec<u8>> {
     let places = folder.ancestors().flat_map(|above| [above.join(in_package), above.join(inside)]);
     places.into_iter().find_map(|place| files::read_bounded(&place, MAX_BYTES).ok())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_configuration_in_a_file_has_the_arms_joints_or_is_refused_by_its_field(
+            values in prop::collection::vec(prop_oneof![8 => -3.0_f32..3.0, 1 => prop::num::f32::ANY], 5..9),
+        ) {
+            let arm = Arm::new(Chain::from_robot(ROBOTS[0]));
+            let read = arm.config(&values, Path::new("a.json"), "configs[4]");
+            let broken = values.iter().position(|q| !q.is_finite());
+            match (values.len() == DOF, broken, read) {
+                (true, None, Ok(config)) => prop_assert_eq!(arm.joints(&config), values),
+                (true, Some(joint), Err(error)) => {
+                    let field = format!("configs[4][{joint}]");
+                    prop_assert!(error.to_string().contains(&field), "{error}");
+                }
+                (false, _, Err(error)) => prop_assert!(error.to_string().contains("configs[4]: has")),
+                (_, _, read) => prop_assert!(false, "{read:?}"),
+            }
+        }
+    }
+}

@@ -35,6 +35,23 @@ use ramp::Ramp;
 ///
 /// The same bits natively and in wasm. A path that stays takes no time.
 ///
+/// ```
+/// use lpr_core::path::{JointPath, MotionLimits, SmoothPath, time_optimal};
+/// use lpr_core::robot::JointConfig;
+///
+/// let configs = [0.0, 0.4, 1.0].map(|q| JointConfig([q, q * q, 0.0, 0.0, 0.0, 0.0, 0.0]));
+/// let path = SmoothPath::through(&JointPath::new(configs.to_vec())?);
+/// let limits = MotionLimits { velocity: [1.0; 7], acceleration: [4.0; 7], jerk: None };
+/// let motion = time_optimal(&path, &limits, None)?;
+/// for (_, state) in motion.samples(0.01)? {
+///     let fastest = state.velocities.iter().fold(0.0_f64, |most, speed| most.max(speed.abs()));
+///     assert!(fastest < 1.0 + 1e-6, "rad/s");
+/// }
+/// let slower = MotionLimits { velocity: [0.5; 7], ..limits };
+/// assert!(time_optimal(&path, &slower, None)?.duration_secs() > motion.duration_secs());
+/// # Ok::<(), lpr_core::Error>(())
+/// ```
+///
 /// # Errors
 ///
 /// When a limit is not a positive number, or so small that the duration is none.

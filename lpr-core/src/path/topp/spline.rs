@@ -13,6 +13,20 @@ const SAME: f64 = 1e-6;
 ///
 /// Between the configurations it leaves the polyline by up to [`Self::deviation`]: what was checked against collisions on the
 /// polyline has to be checked on the curve, or with that margin.
+///
+/// ```
+/// use lpr_core::path::{JointPath, SmoothPath};
+/// use lpr_core::robot::JointConfig;
+///
+/// let corner = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]].map(|[a, b]| JointConfig([a, b, 0.0, 0.0, 0.0, 0.0, 0.0]));
+/// let curve = SmoothPath::through(&JointPath::new(corner.to_vec())?);
+/// assert_eq!(curve.chord_length(), 2.0, "radians of the polyline");
+/// assert_eq!(curve.angles_at(1.0)[..2], [1.0, 0.0], "through the corner");
+/// // Beside the corner it swings out.
+/// let aside = curve.angles_at(0.5)[1].abs();
+/// assert!(aside > 0.01 && aside < curve.deviation());
+/// # Ok::<(), lpr_core::Error>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct SmoothPath {
     pub(super) knots: Vec<Knot>,

@@ -108,7 +108,8 @@ impl Row {
 
     /// Sets the multiplier to its best value, which moves the course; returns how far, radians.
     fn ascend(&self, x: &mut [JointConfig], multiplier: &mut f32, penalty: f32) -> f32 {
-        let best = (*multiplier + self.shortfall(x) / self.curvature).clamp(0.0, penalty);
+        // Not `clamp`, which panics for a penalty that is no number.
+        let best = (*multiplier + self.shortfall(x) / self.curvature).min(penalty).max(0.0);
         let change = best - *multiplier;
         *multiplier = best;
         let mut most: f32 = 0.0;

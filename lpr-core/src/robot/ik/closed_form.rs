@@ -25,6 +25,16 @@ const SINGULAR: f64 = 1e-9;
 pub(super) type Angles = [f64; DOF];
 
 /// The solutions of one pose at one `q7`: at most eight, all within the limits.
+///
+/// ```
+/// use lpr_core::robot::XARM7;
+///
+/// let branches = XARM7.ik_all_at(&XARM7.grip(&XARM7.start), 0.0, &XARM7.start);
+/// for (config, exact) in branches.iter().zip(branches.angles()) {
+///     assert_eq!(config[6], 0.0, "the joint that was given");
+///     assert!((f64::from(config[3]) - exact[3]).abs() < 1e-6, "rounded to f32");
+/// }
+/// ```
 #[derive(Debug, Clone)]
 pub struct IkBranches {
     angles: [Angles; MAX_BRANCHES],

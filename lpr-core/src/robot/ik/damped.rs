@@ -42,6 +42,17 @@ impl Chain {
     /// Any two differ by more than `min_distance` in some joint (radians modulo 2π, metres). The first attempt starts from
     /// `seed`, the others from draws; each solution takes the winding nearest `seed`. Empty when nothing was found, which is no
     /// proof that there is nothing: an arm of fewer than six joints reaches few poses.
+    ///
+    /// ```
+    /// use lpr_core::rng::{Stream, stream};
+    /// use lpr_core::robot::{Chain, PANDA};
+    ///
+    /// let arm = Chain::from_robot(&PANDA);
+    /// let world_from_tip = arm.tip(&PANDA.start);
+    /// let found = arm.ik(&world_from_tip, &PANDA.start, 3, 0.2, &mut stream(0, Stream::Ik, 0));
+    /// assert_eq!(found.len(), 3);
+    /// assert!(found.iter().all(|config| arm.tip(config).translation.distance(world_from_tip.translation) < 1e-4));
+    /// ```
     #[must_use]
     pub fn ik(
         &self,

@@ -26,6 +26,19 @@ impl Robot {
     /// Newton's method with a null-space pull away from the limits, in proportion to the motion; where it fails, the closed form
     /// at `q7` around the one it proposed. `None` when a joint would change by more than [`MAX_STEP_CHANGE`] or leave its limits:
     /// the branch never changes silently.
+    ///
+    /// ```
+    /// use lpr_core::glamx::Vec3;
+    /// use lpr_core::robot::XARM7;
+    ///
+    /// let mut pose = XARM7.grip(&XARM7.start);
+    /// pose.translation += Vec3::new(0.01, 0.0, 0.0);
+    /// let next = XARM7.ik_step(&pose, &XARM7.start).unwrap();
+    /// assert!(next.max_joint_distance(&XARM7.start) < 0.1, "a centimetre is a small motion");
+    ///
+    /// pose.translation += Vec3::new(1.0, 0.0, 0.0);
+    /// assert_eq!(XARM7.ik_step(&pose, &next), None, "a metre is not");
+    /// ```
     #[must_use]
     pub fn ik_step(&self, world_from_grip: &Pose3, near: &JointConfig) -> Option<JointConfig> {
         let start = widened(near);

@@ -2,11 +2,20 @@
 
 use super::tests::{ARM, SEMANTICS, snake};
 use super::*;
+use crate::robot::mistake::mistake;
 use proptest::prelude::*;
 use proptest::sample::Index;
 use proptest::test_runner::RngSeed;
 
 const MESH: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
+
+/// The semantics with a number in them, which nobody reads.
+const NUMBERED_SEMANTICS: &str = r#"<robot name="two">
+  <group name="all"><link name="hand"/><joint name="elbow"/></group>
+  <group name="arm"><chain base_link="base" tip_link="tool"/></group>
+  <group_state name="home" group="arm"><joint name="elbow" value="0.5"/></group_state>
+  <disable_collisions link1="upper" link2="base" reason="Adjacent"/>
+</robot>"#;
 
 /// Where a change takes place, and what is put there.
 #[derive(Debug, Clone)]
@@ -73,7 +82,7 @@ fn changed(text: &str, changes: &[Change]) -> String {
     words.concat()
 }
 
-/// With an arm, its poses are finite; without one, the message says something.
+/// With an arm, its poses are finite; without one, the message names a line, a link or a joint.
 fn check(urdf: &str, srdf: Option<&str>, tip: Option<&str>, mesh: &[u8]) -> Result<(), TestCaseError> {
     match Chain::from_urdf(urdf, srdf, tip, &|_| Some(mesh.to_vec())) {
         Ok(chain) => {
@@ -84,7 +93,10 @@ fn check(urdf: &str, srdf: Option<&str>, tip: Option<&str>, mesh: &[u8]) -> Resu
             prop_assert!(spheres().all(|ball| ball.center.is_finite() && ball.radius > 0.0 && ball.radius.is_finite()));
             prop_assert!(chain.allowed_self_collisions.iter().all(|&(a, b)| a < b && b < chain.links.len()));
         }
-        Err(error) => prop_assert!(error.to_string().len() > "robot: ".len() + 4, "{error}"),
+        Err(error) => {
+            let message = error.to_string();
+            prop_assert!(message.starts_with("robot: ") && ["line ", "'"].iter().any(|it| message.contains(it)), "{message}");
+        }
     }
     Ok(())
 }
@@ -100,6 +112,17 @@ proptest! {
         let arm = ARM.replace("<box size=\"0.02 0.1 0.03\"/>", "<mesh filename=\"a.obj\" scale=\"0.1 0.1 0.1\"/>");
         check(&changed(&arm, &changes), Some(&changed(SEMANTICS, &in_semantics)), None, b"v 1 2 3\nf 1 1 1")?;
         check(&changed(ARM, &changes), None, Some("tool"), &[])?;
+    }
+
+    #[test]
+    fn a_document_with_one_mistake_is_an_arm_or_a_message_that_names_it(mistake in mistake()) {
+        // Boxes take a while to cover.
+        let valid = ARM.replace("<box size=\"0.02 0.1 0.03\"/>", "<sphere radius=\"0.03\"/>");
+        let arm = String::from_utf8_lossy(&mistake.made_in(valid.as_bytes())).into_owned();
+        let semantics = String::from_utf8_lossy(&mistake.made_in(NUMBERED_SEMANTICS.as_bytes())).into_owned();
+        check(&arm, None, Some("tool"), &[])?;
+        check(&arm, Some(SEMANTICS), None, &[])?;
+        check(&valid, Some(&semantics), None, &[])?;
     }
 
     #[test]
