@@ -223,7 +223,7 @@ impl Camera {
         let rotation = self.world_from_camera.rotation;
         let ray_per_column = rotation * Vec3::new(1.0 / self.fx, 0.0, 0.0);
         let mut points = Vec::with_capacity(depth.len());
-        for (y, row) in depth.chunks(self.width).enumerate() {
+        for (y, row) in depth.chunks(self.width.max(1)).enumerate() {
             let ray_left = rotation * Vec3::new((0.5 - self.cx) / self.fx, (y as f32 + 0.5 - self.cy) / self.fy, 1.0);
             points.extend(row.iter().enumerate().map(|(x, &z)| {
                 let seen = origin + (ray_left + ray_per_column * x as f32) * z;

@@ -120,7 +120,7 @@ impl Robot {
         let offset = rng.random::<f64>();
         let target = Target::new(self, world_from_grip);
         let solve = |fraction: f64| target.solve(self.q7_sample(offset + fraction), &near);
-        let mut distinct = Distinct { solutions: Vec::with_capacity(n), n, min_distance };
+        let mut distinct = Distinct { solutions: Vec::with_capacity(n.min(DISTINCT_SAMPLES)), n, min_distance };
         let mut has_solutions = vec![false; DISTINCT_SAMPLES];
         let mut others = Vec::new();
         for sample in (0..DISTINCT_SAMPLES).map(scattered) {

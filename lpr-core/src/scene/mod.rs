@@ -64,7 +64,7 @@ impl Scene {
         Self::from_primitives(Vec::new())
     }
 
-    /// A scene of solid obstacles.
+    /// A scene of solid obstacles. With one of which a number is not finite, or a size below 0, no configuration is free.
     #[must_use]
     pub fn from_primitives(primitives: Vec<Primitive>) -> Self {
         let no_points = PointCloud::new(&[], 0.0);
@@ -88,7 +88,8 @@ impl Scene {
         Self::empty().with_points(points, point_radius)
     }
 
-    /// The same solids among balls of `point_radius` (metres) around `points`.
+    /// The same solids among balls of `point_radius` (metres) around `points`. With a radius that is not finite, or below 0, no
+    /// configuration is free.
     ///
     /// ```
     /// use lpr_core::glamx::Vec3;
@@ -99,7 +100,10 @@ impl Scene {
     /// assert_eq!((scene.primitives().count(), scene.arm_points().points()), (1, &[Vec3::Y][..]));
     /// ```
     #[must_use]
-    pub fn with_points(self, points: &[Vec3], point_radius: f32) -> Self {
+    pub fn with_points(mut self, points: &[Vec3], point_radius: f32) -> Self {
+        if !(point_radius.is_finite() && point_radius >= 0.0) {
+            self.solids.fill_space();
+        }
         let cloud = PointCloud::new(points, point_radius);
         Self { arm_points: cloud.clone(), hand_points: cloud, ..self }
     }

@@ -132,6 +132,24 @@ impl Primitive {
     }
 }
 
+impl Primitive {
+    /// Whether every number is finite and no size is below 0.
+    pub(super) fn is_sound(&self) -> bool {
+        let is_size = |size: f32| size.is_finite() && size >= 0.0;
+        match self {
+            Self::Sphere { center, radius } => center.is_finite() && is_size(*radius),
+            Self::Cuboid { world_from_box, half_extents } => {
+                world_from_box.is_finite() && half_extents.to_array().into_iter().all(is_size)
+            }
+            Self::Capsule { a, b, radius } => a.is_finite() && b.is_finite() && is_size(*radius),
+            Self::Cylinder { world_from_cylinder, radius, half_length } => {
+                world_from_cylinder.is_finite() && is_size(*radius) && is_size(*half_length)
+            }
+            Self::Hull { faces } => faces.iter().all(|face| face.normal.is_finite() && face.offset.is_finite()),
+        }
+    }
+}
+
 /// The convex hull of points; none for points in a plane.
 fn hull_of(points: &[Vec3], world_from_shape: &Pose3) -> Option<Primitive> {
     /// Faces whose normals differ by less lie in one plane.

@@ -105,6 +105,7 @@ impl Solids {
         const MARGIN: f32 = 1e-5;
         let tag = Tag { primitive: self.primitives.len(), nearest: primitive.distance(Vec3::ZERO) - MARGIN, allowed: 0 };
         match &primitive {
+            _ if !primitive.is_sound() => self.fill_space(),
             Primitive::Sphere { center, radius } => self.balls.push(Ball { tag, center: *center, radius: *radius }),
             Primitive::Cuboid { world_from_box, half_extents } => self.push_box(tag, world_from_box, *half_extents),
             Primitive::Capsule { a, b, radius } => {
@@ -123,6 +124,12 @@ impl Solids {
         }
         self.primitives.push(primitive);
         self.allowed.push(0);
+    }
+
+    /// Puts something everywhere: of what makes no sense nobody knows where it is.
+    pub(super) fn fill_space(&mut self) {
+        let tag = Tag { primitive: usize::MAX, nearest: f32::NEG_INFINITY, allowed: 0 };
+        self.balls.insert(0, Ball { tag, center: Vec3::ZERO, radius: f32::INFINITY });
     }
 
     fn push_box(&mut self, tag: Tag, world_from_box: &Pose3, half_extents: Vec3) {

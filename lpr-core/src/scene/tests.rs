@@ -218,6 +218,27 @@ fn planners_that_optimise_do_not_shy_away_from_a_contact_that_is_allowed() {
 }
 
 #[test]
+fn an_obstacle_of_which_nobody_knows_where_it_is_leaves_nothing_free() {
+    let (robot, far) = (stick_arm(), 5.0 * Vec3::X);
+    let arm = ArmSpheres::new(&robot);
+    let is_free = |primitive: Primitive| Scene::from_primitives(vec![primitive]).is_free(&arm, &robot.start);
+    let nowhere = Pose3::from_translation(Vec3::new(5.0, f32::NAN, 0.0));
+    assert!(is_free(Primitive::Sphere { center: far, radius: 0.1 }));
+    assert!(!is_free(Primitive::Sphere { center: far, radius: f32::NAN }));
+    assert!(!is_free(Primitive::Sphere { center: far, radius: -0.1 }));
+    assert!(!is_free(Primitive::Capsule { a: far, b: Vec3::new(5.0, f32::NAN, 0.0), radius: 0.1 }));
+    assert!(!is_free(Primitive::Cuboid { world_from_box: nowhere, half_extents: Vec3::splat(0.1) }));
+    assert!(!is_free(Primitive::Cylinder { world_from_cylinder: nowhere, radius: 0.1, half_length: 0.1 }));
+    for radius in [f32::NAN, f32::INFINITY, -0.1] {
+        assert!(!Scene::from_points(&[far], radius).is_free(&arm, &robot.start), "{radius}");
+    }
+    // What comes later does not make it free again.
+    let broken = Primitive::Sphere { center: Vec3::NAN, radius: 0.1 };
+    let scene = Scene::from_primitives(vec![broken, Primitive::Sphere { center: far, radius: 0.1 }]);
+    assert!(!scene.with_points(&[far], 0.01).is_free(&arm, &robot.start));
+}
+
+#[test]
 fn an_arm_of_too_many_links_is_refused() {
     let mut chain = Chain::from_robot(&stick_arm());
     let link = chain.links[1].clone();

@@ -69,7 +69,7 @@ impl Chain {
         }
         let seed = self.within(&widened(seed));
         let mut start = seed;
-        for attempt in 0..MIN_ATTEMPTS + ATTEMPTS_EACH * n_solutions {
+        for attempt in 0..MIN_ATTEMPTS.saturating_add(ATTEMPTS_EACH.saturating_mul(n_solutions)) {
             let is_hopeless = attempt >= MIN_ATTEMPTS && distinct.solutions.is_empty();
             if distinct.solutions.len() >= n_solutions || is_hopeless {
                 break;
