@@ -164,7 +164,8 @@ fn pose(center: [f32; 3], rotation_xyzw: [f64; 4]) -> Checked<Pose3> {
 }
 
 fn place(field: &str, position: [f32; 3]) -> Checked<Vec3> {
-    match position.iter().find(|length| !(length.abs() <= MAX_LENGTH)) {
+    let is_within = |length: &&f32| length.is_finite() && length.abs() <= MAX_LENGTH;
+    match position.iter().find(|length| !is_within(length)) {
         Some(length) => Err(format!("{field}: has {length}, expected -{MAX_LENGTH} to {MAX_LENGTH}")),
         None => Ok(Vec3::from_array(position)),
     }
