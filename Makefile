@@ -34,7 +34,8 @@ tools:
 test-doc:
 	cargo test $(ALL) --doc
 
-# lpr-core as others get it: packed, unpacked, and planning alone built into a program of its own.
+# The crates as others get them: packed, unpacked and used, natively and in Node. After `test` and `page` it needs little more than
+# the crates themselves.
 package:
 	tests/package.sh
 
