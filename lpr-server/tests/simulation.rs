@@ -238,8 +238,9 @@ fn benchmarks_have_their_names_and_threads() {
     let report = lpr_json(&["bench", "planning", "--threads", "1"]);
     let rows = report["results"].as_array().unwrap();
     let names: Vec<_> = rows.iter().map(|row| row["name"].as_str().unwrap()).collect();
-    let expected = ["ik20_xarm7", "ik20_panda", "bezier20x50", "obstacles_depth_image", "planner20_depth_image", "timing_50"];
-    assert_eq!(names, expected);
+    let kinematics = ["ik20_xarm7", "ik20_panda", "fk_xarm7", "fk_panda", "ik_at_q7_xarm7", "ik_at_q7_panda"];
+    let paths = ["checks_8_panda", "bezier20x50", "obstacles_depth_image", "planner20_depth_image", "timing_50"];
+    assert_eq!(names, [&kinematics[..], &paths].concat());
     for row in rows {
         assert_eq!(row["threads"], 1);
         assert!(row["runs"].as_u64() >= Some(5) && row["min_ms"].as_f64() > Some(0.0), "{row}");
