@@ -18,6 +18,7 @@ use crate::scene::{ArmSpheres, MotionChecker};
 ///     path_len: 10,
 ///     planner_paths: 4,
 ///     bezier_paths: 4,
+///     screw_paths: 0,
 ///     planner_collision_free_fraction: 0.5,
 ///     draws_per_path: 5,
 ///     min_goal_distance: 0.2,
