@@ -100,12 +100,13 @@ impl Scene {
     /// assert_eq!((scene.primitives().count(), scene.arm_points().points()), (1, &[Vec3::Y][..]));
     /// ```
     #[must_use]
-    pub fn with_points(mut self, points: &[Vec3], point_radius: f32) -> Self {
+    pub fn with_points(self, points: &[Vec3], point_radius: f32) -> Self {
+        let mut solids = self.solids;
         if !(point_radius.is_finite() && point_radius >= 0.0) {
-            self.solids.fill_space();
+            solids.fill_space();
         }
         let cloud = PointCloud::new(points, point_radius);
-        Self { arm_points: cloud.clone(), hand_points: cloud, ..self }
+        Self { solids, arm_points: cloud.clone(), hand_points: cloud }
     }
 
     /// Points that links 1–7 must not meet.
