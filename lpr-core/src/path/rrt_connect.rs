@@ -42,8 +42,8 @@ pub struct RrtSettings {
 
 /// A free path from `start` to any of `goals`.
 ///
-/// The path found is looked at once more, at [`FINER`](super::FINER) times the checker's resolution. Should it turn out to hit
-/// something between two checks, the search is repeated at that resolution.
+/// The path found is looked at once more, half-way between the checks of the search. Should it turn out to hit something there, the
+/// search is repeated at [`FINER`](super::FINER) times the checker's resolution.
 ///
 /// ```
 /// use lpr_core::glamx::Vec3;

@@ -180,14 +180,13 @@ impl Query {
         planner: PlannerKind,
         idx: u64,
     ) -> Result<Plan, Rejection> {
-        let goals: Vec<JointConfig> = self.goals.iter().copied().filter(|goal| arm.chain.within_limits(goal)).collect();
-        if !arm.chain.within_limits(&self.start) || goals.is_empty() && !self.goals.is_empty() {
+        if !arm.chain.within_limits(&self.start) {
             return Err(Rejection::OutsideLimits);
         }
         let rng = &mut rng::stream(arguments.seed, Stream::Planner, idx);
         let Arguments { range, checks_per_radian, .. } = *arguments;
         let rrt = RrtSettings { range, checks_per_radian, max_iterations: MAX_ITERATIONS };
-        plan_with(planner, checker, &self.start, &goals, &PlannerSettings::standard(rrt), rng)
+        plan_with(planner, checker, &self.start, &self.goals, &PlannerSettings::standard(rrt), rng)
     }
 
     fn simplified(&self, arguments: &Arguments, spheres: &ArmSpheres, path: &JointPath, result: &mut ProblemResult) -> JointPath {
