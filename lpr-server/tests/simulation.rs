@@ -120,6 +120,22 @@ fn candidates_are_listed_and_executed_from_snapshots() {
     assert!(lpr(&arguments).1.contains("best-of-all"));
 }
 
+/// The box's lid turns about a hinge, and the grip with it.
+#[test]
+fn a_screw_motion_that_is_asked_for_opens_the_box() {
+    let arguments = ["paths", "open_box", "--keyframe", "2", "--execute"];
+    let (without, with) = (lpr_json(&arguments), lpr_json(&[&arguments[..], &["--screw"]].concat()));
+    assert_eq!(with["summary"]["screw"], json!({"drawn": 1, "admitted": 1, "successes": 1}));
+    assert_eq!(with["keyframes"][0]["screw"], 1.0);
+    assert!(without["summary"].get("screw").is_none() && without["keyframes"][0].get("screw").is_none());
+    let others = |report: &Value| {
+        let rows = report["candidates"].as_array().unwrap().iter();
+        rows.filter(|row| row["source"] != "screw").cloned().collect::<Vec<_>>()
+    };
+    assert_eq!(others(&with), others(&without));
+    assert!(lpr(&[&arguments[..], &["--screw"]].concat()).1.contains("screw"));
+}
+
 #[test]
 fn the_same_seed_gives_the_same_candidates_with_any_thread_count() {
     let output = |threads: &str| {
