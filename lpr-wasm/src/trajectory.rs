@@ -9,6 +9,9 @@ use serde::{Deserialize, Serialize};
 /// Most moments that may be asked for: seven minutes at 4 ms.
 const MAX_MOMENTS: f64 = 1e5;
 
+/// Longest path, radians: a hundred times what an arm does in a task.
+const MAX_LENGTH: f64 = 1000.0;
+
 /// Configurations looked at for each radian of the curve.
 const CHECKS_PER_RADIAN: f64 = 64.0;
 
@@ -63,10 +66,13 @@ impl Planner {
     ///
     /// # Errors
     ///
-    /// When the path has fewer than two configurations or one that is no number, a limit is none, or there are over 100,000
-    /// moments.
+    /// When the path has fewer than two configurations or one that is no number, is over 1000 rad long, a limit is none, or there
+    /// are over 100,000 moments.
     pub fn trajectory(&self, request: &TrajectoryRequest) -> Result<TimedTrajectory> {
         let curve = SmoothPath::through(&JointPath::new(request.path.clone())?);
+        if curve.chord_length() > MAX_LENGTH {
+            return Err(Error::Config(format!("path: at most {MAX_LENGTH} rad long, got {}", curve.chord_length())));
+        }
         let limits = request.limits(self.robot())?;
         let grip = request.max_grip_speed.map(|max_speed| GripSpeedLimit { robot: self.robot(), max_speed });
         let motion = time_optimal(&curve, &limits, grip.as_ref())?;
@@ -149,6 +155,7 @@ mod tests {
         };
         assert!(refusal(|request| request.path.truncate(1)).contains("path"));
         assert!(refusal(|request| request.path[1][3] = f32::NAN).contains("path"));
+        assert!(refusal(|request| (request.path[1][3], request.period) = (1e30, 1e30)).contains("path: at most 1000 rad"));
         assert!(refusal(|request| request.speed = 1.5).contains("speed"));
         assert!(refusal(|request| request.speed = f64::NAN).contains("speed"));
         assert!(refusal(|request| request.max_jerk = Some(-1.0)).contains("jerk"));
