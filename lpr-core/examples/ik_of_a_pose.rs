@@ -17,7 +17,8 @@ const MIN_DISTANCE: f32 = 0.2;
 
 fn main() {
     // Half a metre ahead and 20 cm above the table, the gripper pointing down.
-    let world_from_grip = Pose3::from_parts(Vec3::new(0.5, 0.1, 0.2), Quat::from_rotation_x(core::f32::consts::PI));
+    let world_from_grip =
+        Pose3::from_parts(Vec3::new(0.5, 0.1, 0.2), Quat::from_rotation_x(core::f32::consts::PI));
     let rng = &mut stream(0, Stream::Ik, 0);
     let configs = XARM7.ik_distinct(&world_from_grip, N_CONFIGS, MIN_DISTANCE, &XARM7.start, rng);
     assert_eq!(configs.len(), N_CONFIGS, "the pose is well within reach");

@@ -1,4 +1,5 @@
-//! A world of your own that an agent learns in: the grip has to go over a hurdle that no camera sees.
+//! A world of your own that an agent learns in: the grip has to go over a hurdle that no camera
+//! sees.
 //!
 //! ```text
 //! cargo run -p lpr-core --example own_environment
@@ -23,7 +24,8 @@ use rand::RngExt as _;
 /// How far above the straight line the grip has to pass, metres.
 const HURDLE: f32 = 0.04;
 
-/// Environment steps of the training: seconds. Ten seeds learned 0.98 of the scenes or more in these, 0.92 or more in half of them.
+/// Environment steps of the training: seconds. Ten seeds learned 0.98 of the scenes or more in
+/// these, 0.92 or more in half of them.
 const N_STEPS: usize = 1200;
 
 /// One way over the hurdle to a place that differs from scene to scene.
@@ -43,23 +45,42 @@ impl Environment for Hurdle {
     }
 
     fn observe(&mut self) -> Observation {
-        let view = View::empty(Camera::looking("above", Vec3::new(0.5, 0.0, 1.0), -Vec3::Z, 1.0).with_size(8, 8));
+        let view = View::empty(
+            Camera::looking("above", Vec3::new(0.5, 0.0, 1.0), -Vec3::Z, 1.0).with_size(8, 8),
+        );
         let (joints, grip) = (PANDA.start, PANDA.grip(&PANDA.start));
-        let proprio = Proprio { joints, gripper_width: 0.0, gripper_open: 0.0, finger_positions: [0.0; 2], grip, time: 1.0 };
+        let proprio = Proprio {
+            joints,
+            gripper_width: 0.0,
+            gripper_open: 0.0,
+            finger_positions: [0.0; 2],
+            grip,
+            time: 1.0,
+        };
         Observation { views: vec![view], proprio }
     }
 
     fn step(&mut self, path: &JointPath, _: Gripper) -> StepResult {
-        let positions: Vec<_> = path.configs().iter().map(|config| PANDA.grip(config).translation).collect();
+        let positions: Vec<_> =
+            path.configs().iter().map(|config| PANDA.grip(config).translation).collect();
         let (start, way) = (positions[0], self.goal - positions[0]);
-        let above = |at: &Vec3| (*at - start - way * ((*at - start).dot(way) / way.length_squared())).z;
+        let above =
+            |at: &Vec3| (*at - start - way * ((*at - start).dot(way) / way.length_squared())).z;
         let is_over = positions.iter().map(above).fold(0.0, f32::max) > HURDLE;
         let invalid = (!is_over).then_some(InvalidAction::Force { link: "hand", newtons: 100.0 });
-        StepResult { reward: f32::from(u8::from(is_over)), terminated: true, truncated: false, invalid }
+        StepResult {
+            reward: f32::from(u8::from(is_over)),
+            terminated: true,
+            truncated: false,
+            invalid,
+        }
     }
 
     fn demonstrated_goal(&self) -> Option<NextBestPose> {
-        Some(NextBestPose { pose: Pose3::from_parts(self.goal, Quat::from_rotation_x(PI)), gripper: Gripper::Close })
+        Some(NextBestPose {
+            pose: Pose3::from_parts(self.goal, Quat::from_rotation_x(PI)),
+            gripper: Gripper::Close,
+        })
     }
 }
 
@@ -77,23 +98,38 @@ fn demonstration(seed: u64) -> Option<DemoEpisode> {
 /// The preset `fast` with smaller networks and fewer candidates.
 fn config() -> lpr_core::Result<Config> {
     let mut config = Config::preset("fast")?;
-    (config.candidates.path_len, config.candidates.planner_paths, config.candidates.bezier_paths) = (8, 4, 16);
+    (config.candidates.path_len, config.candidates.planner_paths, config.candidates.bezier_paths) =
+        (8, 4, 16);
     config.candidates.bezier.sigma = 0.12;
-    (config.ranker.config_widths, config.ranker.head_widths, config.policy.widths) = (vec![32, 64], vec![64], vec![32, 64]);
-    (config.training.path_batch, config.training.path_updates_per_step, config.training.demonstration_updates) = (32, 2, 20);
+    (config.ranker.config_widths, config.ranker.head_widths, config.policy.widths) =
+        (vec![32, 64], vec![64], vec![32, 64]);
+    (
+        config.training.path_batch,
+        config.training.path_updates_per_step,
+        config.training.demonstration_updates,
+    ) = (32, 2, 20);
     Ok(config)
 }
 
-/// Learns, and says in how many of 60 new scenes the agent gets over the hurdle: a share before and one after.
+/// Learns, and says in how many of 60 new scenes the agent gets over the hurdle: a share before and
+/// one after.
 pub fn learn() -> lpr_core::Result<[f64; 2]> {
     let (method, poses, backend) = (Method::Lpr, PoseSource::Oracle, Backend::Flex);
-    let run = Run { task: "hurdle".to_owned(), method, poses, backend, seed: 0, cameras: default_cameras() };
+    let run = Run {
+        task: "hurdle".to_owned(),
+        method,
+        poses,
+        backend,
+        seed: 0,
+        cameras: default_cameras(),
+    };
     let mut trainer = Trainer::new(config()?, run, Hurdle { goal: Vec3::ZERO })?;
     for demo in (0..20).filter_map(|demo| demonstration(demonstration_scene(0, demo))).take(3) {
         trainer.add_demonstration(&demo)?;
     }
     let success = |trainer: &Trainer<Hurdle>| -> lpr_core::Result<f64> {
-        Ok(evaluate(trainer.agent(), &mut Hurdle { goal: Vec3::ZERO }, 1000..1060, |_| ())?.success_rate())
+        Ok(evaluate(trainer.agent(), &mut Hurdle { goal: Vec3::ZERO }, 1000..1060, |_| ())?
+            .success_rate())
     };
     let before = success(&trainer)?;
     while trainer.demonstration_updates_left() > 0 {

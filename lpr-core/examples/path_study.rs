@@ -4,8 +4,9 @@
 //! cargo run -p lpr-core --release --example path_study -- toy lpr 0 400 training.exploration.first=0.3
 //! ```
 //!
-//! Arguments: a task or `toy`, a method, a seed, environment steps, and settings that differ from `fast`. Prints, every 50 steps,
-//! the share of training episodes that succeeded since and of validation scenes, and at the end what the choices cost.
+//! Arguments: a task or `toy`, a method, a seed, environment steps, and settings that differ from
+//! `fast`. Prints, every 50 steps, the share of training episodes that succeeded since and of
+//! validation scenes, and at the end what the choices cost.
 #![expect(
     clippy::print_stdout,
     clippy::unwrap_used,
@@ -35,27 +36,43 @@ const VALIDATION: core::ops::Range<u64> = 1000..1030;
 
 fn main() {
     let arguments = std::env::args().skip(1).collect::<Vec<_>>();
-    let [task, method, seed, n_steps, settings @ ..] = arguments.as_slice() else { panic!("task method seed steps [settings]") };
+    let [task, method, seed, n_steps, settings @ ..] = arguments.as_slice() else {
+        panic!("task method seed steps [settings]")
+    };
     let (seed, n_steps) = (seed.parse().unwrap(), n_steps.parse().unwrap());
-    let config = settings.iter().fold(Config::preset("fast").unwrap(), |config, setting| config.with(setting).unwrap());
-    let (method, backend, poses) = (Method::by_name(method).unwrap(), Backend::Flex, PoseSource::Oracle);
+    let config = settings
+        .iter()
+        .fold(Config::preset("fast").unwrap(), |config, setting| config.with(setting).unwrap());
+    let (method, backend, poses) =
+        (Method::by_name(method).unwrap(), Backend::Flex, PoseSource::Oracle);
     let run = Run { task: task.clone(), method, poses, backend, seed, cameras: default_cameras() };
     let n_demos = config.training.demonstrations as u64;
     let scenes = (0..).map(|demo| demonstration_scene(seed, demo));
     if task == "toy" {
-        let demos: Vec<_> =
-            scenes.filter_map(|scene| Toy::new(&XARM7).demonstration(scene).ok()).take(n_demos as usize).collect();
+        let demos: Vec<_> = scenes
+            .filter_map(|scene| Toy::new(&XARM7).demonstration(scene).ok())
+            .take(n_demos as usize)
+            .collect();
         study(config, run, Toy::new(&XARM7), &demos, n_steps);
     } else {
         let task = Task::by_name(task).unwrap();
-        let env = SimEnvironment::new(task, &XARM7, VALIDATION.start, &["front"], &config.simulator).unwrap();
-        let recorded = scenes.filter_map(|scene| record_demo(&env, scene, &config.demos).ok().flatten());
+        let env =
+            SimEnvironment::new(task, &XARM7, VALIDATION.start, &["front"], &config.simulator)
+                .unwrap();
+        let recorded =
+            scenes.filter_map(|scene| record_demo(&env, scene, &config.demos).ok().flatten());
         let demos: Vec<_> = recorded.take(n_demos as usize).flatten().collect();
         study(config, run, env, &demos, n_steps);
     }
 }
 
-fn study<E: Environment + Clone + Send + Sync>(config: Config, run: Run, environment: E, demos: &[DemoEpisode], n_steps: u64) {
+fn study<E: Environment + Clone + Send + Sync>(
+    config: Config,
+    run: Run,
+    environment: E,
+    demos: &[DemoEpisode],
+    n_steps: u64,
+) {
     let started = Instant::now();
     let mut validation = environment.clone();
     let mut trainer = Trainer::new(config, run, environment).unwrap();

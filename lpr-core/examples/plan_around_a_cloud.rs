@@ -11,7 +11,8 @@ use lpr_core::rng::{Stream, stream};
 use lpr_core::robot::XARM7;
 use lpr_core::scene::{ArmSpheres, MotionChecker, POINT_RADIUS, Scene, VOXEL, downsample};
 
-const PLANNER: RrtSettings = RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 5000 };
+const PLANNER: RrtSettings =
+    RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 5000 };
 const TIMING: TimingSettings = TimingSettings { max_velocity: 1.0, max_acceleration: 4.0 };
 
 /// A wall ahead of the arm, half a metre high, with a point every 5 mm.
@@ -38,8 +39,17 @@ fn main() -> Result<(), Box<dyn core::error::Error>> {
         .map_err(|reason| format!("no path: {}", reason.name()))?;
     let path = simplify(&plan.path, &checker);
     assert!(checker.path_is_free(path.configs()) && path.length() <= plan.path.length());
-    println!("{} points, {} samples drawn, {} configurations checked", points.len(), plan.iterations, checker.n_checks());
-    println!("{:.2} rad as it was found, {:.2} rad when simplified", plan.path.length(), path.length());
+    println!(
+        "{} points, {} samples drawn, {} configurations checked",
+        points.len(),
+        plan.iterations,
+        checker.n_checks()
+    );
+    println!(
+        "{:.2} rad as it was found, {:.2} rad when simplified",
+        plan.path.length(),
+        path.length()
+    );
 
     let timed = TimedPath::new(path, &XARM7, &TIMING)?;
     println!("it takes {:.2} s", timed.duration_secs());

@@ -1,12 +1,14 @@
-//! How fast Q-attention learns the keyframes of a task from demonstrations alone, for any setting of a preset.
+//! How fast Q-attention learns the keyframes of a task from demonstrations alone, for any setting
+//! of a preset.
 //!
 //! ```text
 //! cargo run -p lpr-core --release --example qattention_study -- take_lid_off_saucepan 0 1200 q_attention.learning_rate=1e-3
 //! ```
 //!
-//! Arguments: a task, a seed, updates, and settings that differ from `fast`. Demonstrations of validation scenes are the truth:
-//! of each of their keyframes, prints the share that is chosen within 2 cm, also within 15° (up to the gripper's symmetry) with
-//! the right gripper command, and median errors, as training goes on.
+//! Arguments: a task, a seed, updates, and settings that differ from `fast`. Demonstrations of
+//! validation scenes are the truth: of each of their keyframes, prints the share that is chosen
+//! within 2 cm, also within 15° (up to the gripper's symmetry) with the right gripper command, and
+//! median errors, as training goes on.
 #![expect(
     clippy::print_stdout,
     clippy::unwrap_used,
@@ -35,14 +37,20 @@ const N_LINES: u64 = 8;
 
 fn main() {
     let arguments = std::env::args().skip(1).collect::<Vec<_>>();
-    let [task, seed, n_updates, settings @ ..] = arguments.as_slice() else { panic!("task seed updates [settings]") };
+    let [task, seed, n_updates, settings @ ..] = arguments.as_slice() else {
+        panic!("task seed updates [settings]")
+    };
     let (seed, n_updates): (u64, u64) = (seed.parse().unwrap(), n_updates.parse().unwrap());
-    let mut config = settings.iter().fold(Config::preset("fast").unwrap(), |config, setting| config.with(setting).unwrap());
+    let mut config = settings
+        .iter()
+        .fold(Config::preset("fast").unwrap(), |config, setting| config.with(setting).unwrap());
     config.training.demonstration_updates = n_updates;
     let task = Task::by_name(task).unwrap();
-    let env = SimEnvironment::new(task, &XARM7, SCENES.start, &["front"], &config.simulator).unwrap();
+    let env =
+        SimEnvironment::new(task, &XARM7, SCENES.start, &["front"], &config.simulator).unwrap();
     let record = |scene| record_demo(&env, scene, &config.demos).ok().flatten();
-    let truth: Vec<Vec<DemoEpisode>> = SCENES.filter_map(record).filter(|chains| !chains.is_empty()).collect();
+    let truth: Vec<Vec<DemoEpisode>> =
+        SCENES.filter_map(record).filter(|chains| !chains.is_empty()).collect();
     for n in 1..10 {
         let with_n = truth.iter().filter(|demo| demo[0].steps.len() == n).count();
         if with_n > 0 {
@@ -72,7 +80,10 @@ fn main() {
         trained += start.elapsed().as_secs_f64();
         if update % (n_updates / N_LINES).max(1) == 0 {
             let loss = metrics.iter().find(|(name, _)| *name == "losses/q_attention").unwrap().1;
-            println!("{update} updates, {trained:.0} s, {:.2}/s, loss {loss:.3}", update as f64 / trained);
+            println!(
+                "{update} updates, {trained:.0} s, {:.2}/s, loss {loss:.3}",
+                update as f64 / trained
+            );
             report(trainer.agent(), &truth);
         }
     }
@@ -83,11 +94,18 @@ fn main() {
 fn report(agent: &Agent, truth: &[Vec<DemoEpisode>]) {
     let n_keyframes = truth.iter().map(|demo| demo[0].steps.len()).max().unwrap_or(0);
     for keyframe in 0..n_keyframes {
-        let errors: Vec<_> = truth.iter().filter_map(|demo| demo[0].steps.get(keyframe)).map(|step| error(agent, step)).collect();
+        let errors: Vec<_> = truth
+            .iter()
+            .filter_map(|demo| demo[0].steps.get(keyframe))
+            .map(|step| error(agent, step))
+            .collect();
         let n = errors.len();
-        let share = |test: &dyn Fn(&Error) -> bool| 100 * errors.iter().filter(|error| test(error)).count() / n;
+        let share = |test: &dyn Fn(&Error) -> bool| {
+            100 * errors.iter().filter(|error| test(error)).count() / n
+        };
         let near = share(&|error| error.distance < 0.02);
-        let right = share(&|error| error.distance < 0.02 && error.angle < 15.0 && error.gripper_is_right);
+        let right =
+            share(&|error| error.distance < 0.02 && error.angle < 15.0 && error.gripper_is_right);
         let coarse = share(&|error| error.distance < 0.1);
         let gripper = share(&|error| error.gripper_is_right);
         let mut distances: Vec<_> = errors.iter().map(|error| error.distance * 1e3).collect();
@@ -120,7 +138,8 @@ fn error(agent: &Agent, step: &DemoStep) -> Error {
     let chosen = agent.goal(&seen).unwrap().pose;
     let goal = step.goal.pose;
     let turned = goal.rotation * Quat::from_rotation_z(PI);
-    let angle = [goal.rotation, turned].map(|goal| chosen.pose.rotation.angle_between(goal).to_degrees());
+    let angle =
+        [goal.rotation, turned].map(|goal| chosen.pose.rotation.angle_between(goal).to_degrees());
     Error {
         distance: chosen.pose.translation.distance(goal.translation),
         angle: angle[0].min(angle[1]),

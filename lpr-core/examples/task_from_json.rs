@@ -12,8 +12,8 @@ use lpr_core::robot::{Gripper, XARM7};
 use lpr_core::sim::{SceneSpec, SimParams, World};
 use std::sync::Arc;
 
-/// Poses are quaternion (xyzw) and translation, metres, in the world, whose origin is the base of the arm on the table; `padding`
-/// is there because glamx writes it.
+/// Poses are quaternion (xyzw) and translation, metres, in the world, whose origin is the base of
+/// the arm on the table; `padding` is there because glamx writes it.
 const SCENE: &str = r#"{
     "task": "pick_up_block",
     "bodies": [
@@ -37,18 +37,27 @@ const SCENE: &str = r#"{
 const TIMING: TimingSettings = TimingSettings { max_velocity: 1.0, max_acceleration: 4.0 };
 
 /// Where the grip goes, height over the block, and what the gripper does there.
-const WAYPOINTS: [(f32, Gripper); 3] = [(0.15, Gripper::Open), (0.025, Gripper::Close), (0.2, Gripper::Close)];
+const WAYPOINTS: [(f32, Gripper); 3] =
+    [(0.15, Gripper::Open), (0.025, Gripper::Close), (0.2, Gripper::Close)];
 
 fn main() -> Result<(), Box<dyn core::error::Error>> {
     let spec: SceneSpec = serde_json::from_str(SCENE)?;
     spec.check()?;
     let mut world = World::new(Arc::new(spec), &XARM7, XARM7.start, &SimParams::STANDARD)?;
     for (height, gripper) in WAYPOINTS {
-        let pose = Pose3::from_parts(Vec3::new(0.45, 0.1, height), Quat::from_rotation_x(core::f32::consts::PI));
-        let path = linear_path(&XARM7, world.config(), &pose).map_err(|reason| format!("no path: {}", reason.name()))?;
+        let pose = Pose3::from_parts(
+            Vec3::new(0.45, 0.1, height),
+            Quat::from_rotation_x(core::f32::consts::PI),
+        );
+        let path = linear_path(&XARM7, world.config(), &pose)
+            .map_err(|reason| format!("no path: {}", reason.name()))?;
         let timed = TimedPath::new(path, &XARM7, &TIMING)?;
         follow(&mut world, &timed, gripper).map_err(|reason| reason.to_string())?;
-        println!("block at {:.3} m, task done: {}", world.body_pose(1).translation, world.success());
+        println!(
+            "block at {:.3} m, task done: {}",
+            world.body_pose(1).translation,
+            world.success()
+        );
     }
     assert!(world.success(), "the block is held above the table");
     Ok(())

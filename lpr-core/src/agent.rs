@@ -1,12 +1,14 @@
 //! The agent: from an observation to the path that runs (Algorithm 1, lines 6–12).
 //!
-//! It sees an [`Observation`] and nothing else. With the demonstrator's poses instead of Q-attention, the next-best pose is an
-//! argument like any other.
+//! It sees an [`Observation`] and nothing else. With the demonstrator's poses instead of
+//! Q-attention, the next-best pose is an argument like any other.
 //!
 //! # Differences from the paper
 //!
-//! - The policy's path is tested for its length in evaluation as in training; the paper speaks of training alone.
-//! - The policy is asked for a path to the goal configuration nearest to the start, since a pose has many.
+//! - The policy's path is tested for its length in evaluation as in training; the paper speaks of
+//!   training alone.
+//! - The policy is asked for a path to the goal configuration nearest to the start, since a pose
+//!   has many.
 
 mod method;
 
@@ -16,8 +18,8 @@ use crate::config::Config;
 use crate::error::Result;
 use crate::nn::Backend;
 use crate::path::{
-    CandidatePath, CandidateSet, CandidateSettings, CandidateStreams, JointPath, PathQuery, RejectedPath, Source, c2farm_path,
-    candidates, linear_candidate,
+    CandidatePath, CandidateSet, CandidateSettings, CandidateStreams, JointPath, PathQuery,
+    RejectedPath, Source, c2farm_path, candidates, linear_candidate,
 };
 use crate::perception::{Observation, Proprio, VoxelBounds};
 use crate::policy::Policy;
@@ -33,14 +35,16 @@ use glamx::Vec3;
 use rand::RngExt as _;
 use serde::{Deserialize, Serialize};
 
-/// Opening of a closed gripper above which it holds something, metres: closed on nothing, the pads meet.
+/// Opening of a closed gripper above which it holds something, metres: closed on nothing, the pads
+/// meet.
 const HELD_WIDTH: f32 = 0.002;
 
 /// How a training step departs from the candidate of highest value.
 ///
-/// The paper has no exploration but the randomness of its candidates. On the toy (16 candidates, 3 seeds, 30 scenes each), success
-/// after 150 steps is 0.94 greedily, 0.99 with ε from 0.2 and 1.00 with softmax at 0.1 (`examples/path_study.rs`): a greedy
-/// agent settles before it has tried everything.
+/// The paper has no exploration but the randomness of its candidates. On the toy (16 candidates, 3
+/// seeds, 30 scenes each), success after 150 steps is 0.94 greedily, 0.99 with ε from 0.2 and 1.00
+/// with softmax at 0.1 (`examples/path_study.rs`): a greedy agent settles before it has tried
+/// everything.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Exploration {
@@ -151,13 +155,33 @@ impl Networks {
     /// # Errors
     ///
     /// When settings cannot work.
-    pub fn new(config: &Config, robot: &'static Robot, method: Method, poses: PoseSource, init: Init) -> Result<Self> {
+    pub fn new(
+        config: &Config,
+        robot: &'static Robot,
+        method: Method,
+        poses: PoseSource,
+        init: Init,
+    ) -> Result<Self> {
         let rng = |network| stream(init.seed, Stream::Init, network);
-        let q_attention = (poses == PoseSource::Learned)
-            .then(|| QAttention::new(config.q_attention.clone(), VoxelBounds::scene(robot), init.backend, &mut rng(0)));
-        let policy = method.has_policy().then(|| Policy::new(&config.policy, robot, init.backend, &mut rng(1)));
-        let ranker = method.has_ranker().then(|| Ranker::new(&config.ranker, robot, init.backend, &mut rng(2)));
-        Ok(Self { q_attention: q_attention.transpose()?, ranker: ranker.transpose()?, policy: policy.transpose()? })
+        let q_attention = (poses == PoseSource::Learned).then(|| {
+            QAttention::new(
+                config.q_attention.clone(),
+                VoxelBounds::scene(robot),
+                init.backend,
+                &mut rng(0),
+            )
+        });
+        let policy = method
+            .has_policy()
+            .then(|| Policy::new(&config.policy, robot, init.backend, &mut rng(1)));
+        let ranker = method
+            .has_ranker()
+            .then(|| Ranker::new(&config.ranker, robot, init.backend, &mut rng(2)));
+        Ok(Self {
+            q_attention: q_attention.transpose()?,
+            ranker: ranker.transpose()?,
+            policy: policy.transpose()?,
+        })
     }
 }
 
@@ -185,14 +209,17 @@ impl Agent {
         self.discount
     }
 
-    /// Every network's name, parameters, and operations of one forward pass of one sample: a scene, or a path.
+    /// Every network's name, parameters, and operations of one forward pass of one sample: a scene,
+    /// or a path.
     #[must_use]
     pub fn costs(&self) -> Vec<(String, NetworkCost)> {
         let path_len = self.candidates.path_len;
         let depths = self.networks.q_attention.iter().flat_map(QAttention::costs).enumerate();
         let depths = depths.map(|(depth, cost)| (format!("q_attention depth {depth}"), cost));
-        let ranker = self.networks.ranker.iter().map(|ranker| ("ranker".to_owned(), ranker.cost(path_len)));
-        let policy = self.networks.policy.iter().map(|policy| ("policy".to_owned(), policy.cost(path_len)));
+        let ranker =
+            self.networks.ranker.iter().map(|ranker| ("ranker".to_owned(), ranker.cost(path_len)));
+        let policy =
+            self.networks.policy.iter().map(|policy| ("policy".to_owned(), policy.cost(path_len)));
         depths.chain(ranker).chain(policy).collect()
     }
 
@@ -217,10 +244,9 @@ impl Agent {
     /// What Q-attention and its replay see of an observation; none with the demonstrator's poses.
     #[must_use]
     pub fn attended(&self, observation: &Observation) -> Option<QObservation> {
-        self.networks
-            .q_attention
-            .is_some()
-            .then(|| QObservation::new(observation, VoxelBounds::scene(self.robot), self.cloud_spacing))
+        self.networks.q_attention.is_some().then(|| {
+            QObservation::new(observation, VoxelBounds::scene(self.robot), self.cloud_spacing)
+        })
     }
 
     /// The next-best pose (line 7); none with the demonstrator's poses.
@@ -240,19 +266,27 @@ impl Agent {
         let scene = self.obstacles(observation, &goal);
         let set = self.candidates(&observation.proprio, &goal, &scene, draws.streams)?;
         let context = context(&observation.proprio, goal);
-        let values = self.networks.ranker.as_ref().map(|ranker| ranker.values(&context, &ranked_paths(&set))).transpose()?;
+        let values = self
+            .networks
+            .ranker
+            .as_ref()
+            .map(|ranker| ranker.values(&context, &ranked_paths(&set)))
+            .transpose()?;
         let rng = &mut stream(draws.streams.seed, Stream::Explore, draws.streams.step);
         let chosen = match self.method {
-            // Lines 8–10 without the ranking of line 12: any of the candidates, or the shortest that is free.
+            // Lines 8–10 without the ranking of line 12: any of the candidates, or the shortest
+            // that is free.
             Method::Random => uniform(set.candidates.len(), rng),
             Method::ShortestFree => {
                 let best = set.shortest_free();
-                best.and_then(|best| set.candidates.iter().position(|candidate| core::ptr::eq(candidate, best)))
+                best.and_then(|best| {
+                    set.candidates.iter().position(|candidate| core::ptr::eq(candidate, best))
+                })
             }
             // Line 12.
-            _ => {
-                values.as_ref().map_or((!set.candidates.is_empty()).then_some(0), |values| draws.exploration.choose(values, rng))
-            }
+            _ => values.as_ref().map_or((!set.candidates.is_empty()).then_some(0), |values| {
+                draws.exploration.choose(values, rng)
+            }),
         };
         Ok(Action { goal, attention, context, set, values, chosen })
     }
@@ -298,9 +332,12 @@ impl Agent {
         let (robot, start) = (self.robot, proprio.joints);
         // Line 10: π(o, g); whether it is valid is tested with the other paths at hand.
         let policy_path = self.policy_path(proprio, goal)?;
-        let query = PathQuery { robot, start, goal: goal.pose, scene, policy_path: policy_path.as_ref() };
+        let query =
+            PathQuery { robot, start, goal: goal.pose, scene, policy_path: policy_path.as_ref() };
         Ok(match self.method {
-            Method::C2fArm => single(c2farm_path(&query, &self.candidates, streams), Source::Planner),
+            Method::C2fArm => {
+                single(c2farm_path(&query, &self.candidates, streams), Source::Planner)
+            }
             Method::Linear => single(linear_candidate(&query, &self.candidates), Source::Linear),
             // Lines 8, 9 and 11.
             Method::Lpr | Method::LprNoPolicy | Method::ShortestFree | Method::Random => {
@@ -311,7 +348,9 @@ impl Agent {
 
     fn policy_path(&self, proprio: &Proprio, goal: &NextBestPose) -> Result<Option<JointPath>> {
         let Some(policy) = &self.networks.policy else { return Ok(None) };
-        let Some(goal_config) = self.robot.ik_nearest(&goal.pose, &proprio.joints) else { return Ok(None) };
+        let Some(goal_config) = self.robot.ik_nearest(&goal.pose, &proprio.joints) else {
+            return Ok(None);
+        };
         policy.path(&proprio.joints, &goal_config, goal, self.candidates.path_len).map(Some)
     }
 }
@@ -339,7 +378,11 @@ impl Action {
     #[must_use]
     pub fn decision(&self) -> Option<replay::Decision> {
         let CandidatePath { source, path, collides } = self.path()?.clone();
-        Some(replay::Decision { context: self.context, taken: RankedPath { path, collides }, source: Some(source) })
+        Some(replay::Decision {
+            context: self.context,
+            taken: RankedPath { path, collides },
+            source: Some(source),
+        })
     }
 }
 
@@ -348,7 +391,9 @@ impl Exploration {
     pub(crate) fn is_valid(self) -> bool {
         match self {
             Self::Greedy => true,
-            Self::Epsilon { first, last, .. } => [first, last].iter().all(|p| (0.0..=1.0).contains(p)),
+            Self::Epsilon { first, last, .. } => {
+                [first, last].iter().all(|p| (0.0..=1.0).contains(p))
+            }
             Self::Softmax { temperature } => temperature > 0.0,
         }
     }
@@ -369,7 +414,8 @@ impl Exploration {
             Self::Greedy | Self::Epsilon { .. } => argmax(values),
             Self::Softmax { temperature } => {
                 let best = values[argmax(values)?];
-                let weights: Vec<f32> = values.iter().map(|value| libm::expf((value - best) / temperature)).collect();
+                let weights: Vec<f32> =
+                    values.iter().map(|value| libm::expf((value - best) / temperature)).collect();
                 let mut left = rng.random::<f32>() * weights.iter().sum::<f32>();
                 let passed = weights.iter().take_while(|&&weight| {
                     left -= weight;
@@ -403,13 +449,17 @@ fn is_holding(proprio: &Proprio) -> bool {
 
 fn ranked_paths(set: &CandidateSet) -> Vec<RankedPath> {
     let paths = set.candidates.iter();
-    paths.map(|candidate| RankedPath { path: candidate.path.clone(), collides: candidate.collides }).collect()
+    paths
+        .map(|candidate| RankedPath { path: candidate.path.clone(), collides: candidate.collides })
+        .collect()
 }
 
 /// The set of a method with one candidate.
 fn single(path: Result<CandidatePath, crate::path::Rejection>, source: Source) -> CandidateSet {
     match path {
         Ok(candidate) => CandidateSet { candidates: vec![candidate], rejected: Vec::new() },
-        Err(reason) => CandidateSet { candidates: Vec::new(), rejected: vec![RejectedPath { source, reason }] },
+        Err(reason) => {
+            CandidateSet { candidates: Vec::new(), rejected: vec![RejectedPath { source, reason }] }
+        }
     }
 }

@@ -1,8 +1,8 @@
-//! Bytes and back: the weights, which any program of this crate can act with, and the rest of a run, from which training goes on
-//! bit by bit.
+//! Bytes and back: the weights, which any program of this crate can act with, and the rest of a
+//! run, from which training goes on bit by bit.
 //!
-//! No generator is stored: each is made anew from the seed and a counter. Nor is the world: an episode that is under way is
-//! played again from its scene, which ends where it was.
+//! No generator is stored: each is made anew from the seed and a counter. Nor is the world: an
+//! episode that is under way is played again from its scene, which ends where it was.
 //!
 //! Both files carry a digest, so that damage is told from a bug.
 
@@ -43,17 +43,22 @@ impl<E: Environment> Trainer<E> {
     ///
     /// # Errors
     ///
-    /// [`Error::Checkpoint`] naming what is corrupt, foreign or newer than this program, or when the world does not repeat the
-    /// episode that was under way.
+    /// [`Error::Checkpoint`] naming what is corrupt, foreign or newer than this program, or when
+    /// the world does not repeat the episode that was under way.
     pub fn resume(checkpoint: &Checkpoint, environment: E) -> Result<Self> {
         let SavedAgent { header, agent } = load_agent(&checkpoint.weights)?;
         let robot = environment.robot().name;
         if header.robot != robot {
-            return Err(Error::Checkpoint(format!("of the robot `{}`, the world has `{robot}`", header.robot)));
+            return Err(Error::Checkpoint(format!(
+                "of the robot `{}`, the world has `{robot}`",
+                header.robot
+            )));
         }
         let state = State::from_bytes(&checkpoint.state)?;
         if state.weights_digest != digest::of(&checkpoint.weights) {
-            return Err(Error::Checkpoint("weights and state are not of one checkpoint".to_owned()));
+            return Err(Error::Checkpoint(
+                "weights and state are not of one checkpoint".to_owned(),
+            ));
         }
         let mut trainer = Self::new(header.config, header.run, environment)?;
         trainer.agent = agent;
@@ -70,7 +75,9 @@ impl<E: Environment> Trainer<E> {
         for (path, NextBestPose { gripper, .. }) in episode.actions() {
             let result = environment.step(path, gripper);
             if result.terminated || result.truncated {
-                return Err(Error::Checkpoint("the world does not repeat the episode under way: it ended early".to_owned()));
+                return Err(Error::Checkpoint(
+                    "the world does not repeat the episode under way: it ended early".to_owned(),
+                ));
             }
         }
         self.episode = Some(episode);

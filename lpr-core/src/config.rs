@@ -1,7 +1,8 @@
-//! Every number of a run in one value: the settings of all modules, and whole-file presets that list each of them.
+//! Every number of a run in one value: the settings of all modules, and whole-file presets that
+//! list each of them.
 //!
-//! No number may be negative or not finite, whatever its module, and some have a range here; which module refuses what else
-//! stands with its settings.
+//! No number may be negative or not finite, whatever its module, and some have a range here; which
+//! module refuses what else stands with its settings.
 
 use crate::demo::DemoSettings;
 use crate::error::{Error, Result};
@@ -26,7 +27,8 @@ const PRESETS: [(&str, &str); 3] = [
 /// Most outputs of a layer: eight times the widest of the paper.
 const MAX_WIDTH: f64 = 8192.0;
 
-/// Least and greatest value of settings outside of which a module would run out of memory, or fail without naming them.
+/// Least and greatest value of settings outside of which a module would run out of memory, or fail
+/// without naming them.
 const RANGES: [(&str, f64, f64); 21] = [
     ("candidates.path_len", 2.0, 1000.0),
     ("candidates.rrt.checks_per_radian", 0.1, 1e4),
@@ -88,7 +90,10 @@ impl Config {
     pub fn preset(name: &str) -> Result<Self> {
         let Some((_, text)) = PRESETS.iter().find(|(known, _)| *known == name) else {
             let known: Vec<_> = Self::preset_names().collect();
-            return Err(Error::Config(format!("unknown preset `{name}`, known: {}", known.join(", "))));
+            return Err(Error::Config(format!(
+                "unknown preset `{name}`, known: {}",
+                known.join(", ")
+            )));
         };
         Self::from_toml(text)
     }
@@ -102,11 +107,14 @@ impl Config {
     ///
     /// # Errors
     ///
-    /// [`Error::Config`] naming the setting that is misspelt, missing, of the wrong type or out of its range.
+    /// [`Error::Config`] naming the setting that is misspelt, missing, of the wrong type or out of
+    /// its range.
     pub fn from_toml(text: &str) -> Result<Self> {
-        let table: toml::Table = text.parse().map_err(|error: toml::de::Error| Error::Config(error.to_string()))?;
+        let table: toml::Table =
+            text.parse().map_err(|error: toml::de::Error| Error::Config(error.to_string()))?;
         check_numbers(&toml::Value::Table(table), "")?;
-        let config: Self = toml::from_str(text).map_err(|error| Error::Config(error.to_string()))?;
+        let config: Self =
+            toml::from_str(text).map_err(|error| Error::Config(error.to_string()))?;
         config.check()?;
         Ok(config)
     }
@@ -118,12 +126,18 @@ impl Config {
     /// As [`Self::from_toml`]; and when there is no such table, or no value.
     pub fn with(&self, setting: &str) -> Result<Self> {
         let unusable = |why: &str| Error::Config(format!("{setting}: {why}"));
-        let (path, value) = setting.split_once('=').ok_or_else(|| unusable("expected table.setting=value"))?;
-        let value: toml::Table = format!("value = {value}").parse().map_err(|_| unusable("expected a value as in a preset"))?;
-        let mut root: toml::Value = self.to_toml().parse::<toml::Table>().expect("what was written can be read").into();
-        let (parents, name) = path.rsplit_once('.').ok_or_else(|| unusable("expected table.setting=value"))?;
+        let (path, value) =
+            setting.split_once('=').ok_or_else(|| unusable("expected table.setting=value"))?;
+        let value: toml::Table = format!("value = {value}")
+            .parse()
+            .map_err(|_| unusable("expected a value as in a preset"))?;
+        let mut root: toml::Value =
+            self.to_toml().parse::<toml::Table>().expect("what was written can be read").into();
+        let (parents, name) =
+            path.rsplit_once('.').ok_or_else(|| unusable("expected table.setting=value"))?;
         let table = parents.split('.').try_fold(&mut root, |table, key| table.get_mut(key));
-        let table = table.and_then(toml::Value::as_table_mut).ok_or_else(|| unusable("no such table"))?;
+        let table =
+            table.and_then(toml::Value::as_table_mut).ok_or_else(|| unusable("no such table"))?;
         table.extend(value.into_iter().map(|(_, value)| (name.to_owned(), value)));
         let text = toml::to_string(&root).map_err(|error| unusable(&error.to_string()))?;
         Self::from_toml(&text)
@@ -139,7 +153,8 @@ impl Config {
         toml::to_string(self).expect("settings are tables, lists, numbers and words")
     }
 
-    /// Checks what no type checks. Ranker, policy and replay check their settings when they are built.
+    /// Checks what no type checks. Ranker, policy and replay check their settings when they are
+    /// built.
     fn check(&self) -> Result<()> {
         self.candidates.check().map_err(|error| within("candidates", &error))?;
         self.q_attention.validate()?;
@@ -160,9 +175,10 @@ fn check_numbers(value: &toml::Value, path: &str) -> Result<()> {
     match value {
         toml::Value::Integer(number) => check_number(*number as f64, path),
         toml::Value::Float(number) => check_number(*number, path),
-        toml::Value::Array(values) => {
-            values.iter().enumerate().try_for_each(|(idx, value)| check_numbers(value, &format!("{path}[{idx}]")))
-        }
+        toml::Value::Array(values) => values
+            .iter()
+            .enumerate()
+            .try_for_each(|(idx, value)| check_numbers(value, &format!("{path}[{idx}]"))),
         toml::Value::Table(table) => table.iter().try_for_each(|(key, value)| {
             let path = if path.is_empty() { key.clone() } else { format!("{path}.{key}") };
             check_numbers(value, &path)
@@ -173,7 +189,9 @@ fn check_numbers(value: &toml::Value, path: &str) -> Result<()> {
 
 fn check_number(number: f64, path: &str) -> Result<()> {
     if !(number.is_finite() && number >= 0.0) {
-        return Err(Error::Config(format!("{path}: expected a finite number from 0, found {number}")));
+        return Err(Error::Config(format!(
+            "{path}: expected a finite number from 0, found {number}"
+        )));
     }
     // The numbers of a list have the range of the list.
     let setting = path.split('[').next().unwrap_or(path);
@@ -206,24 +224,36 @@ mod tests {
         for name in Config::preset_names() {
             let config = Config::preset(name).unwrap_or_else(|error| panic!("{name}: {error}"));
             #[cfg(feature = "sim")]
-            assert_eq!(config.simulator, SimParams::STANDARD, "{name}: the simulator is the same in every preset");
+            assert_eq!(
+                config.simulator,
+                SimParams::STANDARD,
+                "{name}: the simulator is the same in every preset"
+            );
             assert_eq!(Config::from_toml(&config.to_toml()), Ok(config), "{name}");
         }
     }
 
     #[test]
     fn presets_differ_and_list_the_numbers_of_the_paper() {
-        let [fast, paper, narrow] = ["fast", "paper", "paper-narrow"].map(|name| Config::preset(name).expect("a preset"));
+        let [fast, paper, narrow] =
+            ["fast", "paper", "paper-narrow"].map(|name| Config::preset(name).expect("a preset"));
         assert_ne!(fast, paper);
         assert_eq!((paper.candidates.planner_paths, paper.candidates.bezier_paths), (20, 20));
-        assert!((paper.candidates.bezier.sigma * paper.candidates.bezier.sigma - 0.2).abs() < 1e-3, "the paper's variance");
+        assert!(
+            (paper.candidates.bezier.sigma * paper.candidates.bezier.sigma - 0.2).abs() < 1e-3,
+            "the paper's variance"
+        );
         assert_eq!(paper.ranker.config_widths, [64, 128, 1024]);
         assert_eq!(paper.ranker.head_widths, [512, 512]);
         assert_eq!(paper.policy.widths, [64, 256, 256]);
         assert_eq!(paper.training.exploration, Exploration::Greedy);
         assert_eq!(paper.training.timeout, Timeout::Terminal);
         // Narrow networks are the only difference.
-        let widened = Config { q_attention: paper.q_attention.clone(), training: paper.training.clone(), ..narrow.clone() };
+        let widened = Config {
+            q_attention: paper.q_attention.clone(),
+            training: paper.training.clone(),
+            ..narrow.clone()
+        };
         assert_eq!(widened, paper);
         assert_ne!(narrow.q_attention.network, paper.q_attention.network);
     }
@@ -243,14 +273,23 @@ mod tests {
             let message = refusal("sigma = 0.07", &format!("sigma = {number}"));
             assert!(message.contains("candidates.bezier.sigma"), "{message}");
         }
-        assert!(refusal("planner_paths = 20", "planner_paths = -20").contains("candidates.planner_paths"));
+        assert!(
+            refusal("planner_paths = 20", "planner_paths = -20")
+                .contains("candidates.planner_paths")
+        );
         assert!(refusal("planner_paths = 20", "planner_paths = 2.5").contains("planner_paths"));
         assert!(refusal("path_len = 30", "path_len = 1").contains("candidates.path_len"));
         assert!(refusal("path_batch = 64", "path_batch = 0").contains("training.path_batch"));
         assert!(refusal("first = ", "first = 4").contains("training.exploration"));
         assert!(refusal("cloud_spacing = 0.01", "cloud_spacing = 0").contains("cloud_spacing"));
-        assert!(refusal("widths = [64, 128, 256]", "widths = [64, 0, 256]").contains("ranker.config_widths[1]"));
-        assert!(refusal("cell_channels = 32", "cell_channels = 0").contains("expected 1 to 8192, found 0"));
+        assert!(
+            refusal("widths = [64, 128, 256]", "widths = [64, 0, 256]")
+                .contains("ranker.config_widths[1]")
+        );
+        assert!(
+            refusal("cell_channels = 32", "cell_channels = 0")
+                .contains("expected 1 to 8192, found 0")
+        );
     }
 
     #[test]
@@ -259,7 +298,13 @@ mod tests {
         let changed = config.with("candidates.rrt.range=0.5").expect("a setting");
         assert_eq!(changed.candidates.rrt.range, 0.5);
         assert_eq!(changed.with("candidates.rrt.range=1.0").as_ref(), Ok(&config));
-        for unusable in ["candidates", "candidates.nothing.range=1", "candidates.rrt.range=", "candidates.rrt.rnge=1", "x=1"] {
+        for unusable in [
+            "candidates",
+            "candidates.nothing.range=1",
+            "candidates.rrt.range=",
+            "candidates.rrt.rnge=1",
+            "x=1",
+        ] {
             assert!(matches!(config.with(unusable), Err(Error::Config(_))), "{unusable}");
         }
     }

@@ -1,6 +1,7 @@
 //! Demonstrations: keyframe discovery and the transitions that one demonstration yields.
 //!
-//! Index logic only: where the observations of the frames are kept is the caller's business. Rules of the released C2F-ARM.
+//! Index logic only: where the observations of the frames are kept is the caller's business. Rules
+//! of the released C2F-ARM.
 
 use crate::robot::{DOF, JointConfig};
 
@@ -33,13 +34,15 @@ impl DemoFrame {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DemoSettings {
-    /// Joint speed below which the arm counts as stopped, rad/s (released: 0.1; some robots and recorders need 0.01).
+    /// Joint speed below which the arm counts as stopped, rad/s (released: 0.1; some robots and
+    /// recorders need 0.01).
     pub stopped_speed: f32,
     /// Frames after a stop in which no other stop is looked for (released: 4).
     pub stop_cooldown: usize,
     /// Every how many frames a chain of transitions starts (released: 10).
     pub start_interval: usize,
-    /// Fewest frames between a start and its first keyframe (released LPR: the length of a path, 10; C2F-ARM: 1).
+    /// Fewest frames between a start and its first keyframe (released LPR: the length of a path,
+    /// 10; C2F-ARM: 1).
     pub min_start_distance: usize,
 }
 
@@ -50,7 +53,8 @@ pub struct DemoTransition {
     pub observation: usize,
     /// Keyframe whose grip pose and gripper state are the action, and which is observed next.
     pub keyframe: usize,
-    /// Macro step at the observation, from 0 at the start of the chain: what the time feature counts.
+    /// Macro step at the observation, from 0 at the start of the chain: what the time feature
+    /// counts.
     pub step: usize,
     /// 1 on the last keyframe, else 0.
     pub reward: f32,
@@ -58,9 +62,11 @@ pub struct DemoTransition {
     pub terminated: bool,
 }
 
-/// The keyframes of a demonstration in ascending order: where the gripper changes, where the arm stops, and the last frame.
+/// The keyframes of a demonstration in ascending order: where the gripper changes, where the arm
+/// stops, and the last frame.
 ///
-/// A stop next to a change of the gripper is no keyframe of its own. A keyframe directly before the last one is dropped.
+/// A stop next to a change of the gripper is no keyframe of its own. A keyframe directly before the
+/// last one is dropped.
 ///
 /// ```
 /// use lpr_core::demo::{DemoFrame, DemoSettings, augment_demo, discover_keyframes};
@@ -91,7 +97,8 @@ pub fn discover_keyframes(frames: &[DemoFrame], settings: &DemoSettings) -> Vec<
         let stopped = cooldown == 0 && is_stopped(frames, idx, settings.stopped_speed);
         cooldown = if stopped { settings.stop_cooldown } else { cooldown.saturating_sub(1) };
         let last = idx + 1 == frames.len();
-        if idx > 0 && (last || stopped || frames[idx].gripper_open != frames[idx - 1].gripper_open) {
+        if idx > 0 && (last || stopped || frames[idx].gripper_open != frames[idx - 1].gripper_open)
+        {
             keyframes.push(idx);
         }
     }
@@ -103,7 +110,8 @@ pub fn discover_keyframes(frames: &[DemoFrame], settings: &DemoSettings) -> Vec<
     keyframes
 }
 
-/// Whether the arm stands still at `idx` and the gripper neither changed in the two frames before nor changes in the next.
+/// Whether the arm stands still at `idx` and the gripper neither changed in the two frames before
+/// nor changes in the next.
 fn is_stopped(frames: &[DemoFrame], idx: usize, max_speed: f32) -> bool {
     // The last two frames are no stops: the last is a keyframe anyway.
     if idx + 2 >= frames.len() || !frames[idx].is_still(max_speed) {
@@ -113,9 +121,11 @@ fn is_stopped(frames: &[DemoFrame], idx: usize, max_speed: f32) -> bool {
     around.iter().all(|frame| frame.gripper_open == frames[idx].gripper_open)
 }
 
-/// All transitions of one demonstration: from every `start_interval`-th frame a chain through the keyframes after it.
+/// All transitions of one demonstration: from every `start_interval`-th frame a chain through the
+/// keyframes after it.
 ///
-/// Chains follow each other in the order of their starts; each ends with the one transition that is terminal and rewarded.
+/// Chains follow each other in the order of their starts; each ends with the one transition that is
+/// terminal and rewarded.
 #[must_use]
 pub fn augment_demo(frames: &[DemoFrame], settings: &DemoSettings) -> Vec<DemoTransition> {
     let keyframes = discover_keyframes(frames, settings);
@@ -125,7 +135,8 @@ pub fn augment_demo(frames: &[DemoFrame], settings: &DemoSettings) -> Vec<DemoTr
         .collect()
 }
 
-/// The transitions from `start` through all keyframes after it; none when the first of them is too near.
+/// The transitions from `start` through all keyframes after it; none when the first of them is too
+/// near.
 fn chain(start: usize, keyframes: &[usize], min_start_distance: usize) -> Vec<DemoTransition> {
     let ahead = &keyframes[keyframes.partition_point(|&keyframe| keyframe <= start)..];
     if ahead.first().is_none_or(|&first| first - start < min_start_distance) {
@@ -137,7 +148,13 @@ fn chain(start: usize, keyframes: &[usize], min_start_distance: usize) -> Vec<De
         .enumerate()
         .map(|(step, (observation, &keyframe))| {
             let terminated = step + 1 == ahead.len();
-            DemoTransition { observation, keyframe, step, reward: f32::from(u8::from(terminated)), terminated }
+            DemoTransition {
+                observation,
+                keyframe,
+                step,
+                reward: f32::from(u8::from(terminated)),
+                terminated,
+            }
         })
         .collect()
 }
@@ -148,8 +165,12 @@ mod tests {
     use crate::robot::PANDA;
     use proptest::prelude::{any, prop, proptest};
 
-    const SETTINGS: DemoSettings =
-        DemoSettings { stopped_speed: 0.1, stop_cooldown: 4, start_interval: 10, min_start_distance: 1 };
+    const SETTINGS: DemoSettings = DemoSettings {
+        stopped_speed: 0.1,
+        stop_cooldown: 4,
+        start_interval: 10,
+        min_start_distance: 1,
+    };
 
     fn frame(speed: f32, gripper_open: bool) -> DemoFrame {
         let gripper_width = if gripper_open { 0.08 } else { 0.0 };
@@ -164,7 +185,10 @@ mod tests {
 
     /// `(frames, speed, open)` after each other.
     fn demo(parts: &[(usize, f32, bool)]) -> Vec<DemoFrame> {
-        parts.iter().flat_map(|&(n, speed, open)| core::iter::repeat_n(frame(speed, open), n)).collect()
+        parts
+            .iter()
+            .flat_map(|&(n, speed, open)| core::iter::repeat_n(frame(speed, open), n))
+            .collect()
     }
 
     #[test]
@@ -204,7 +228,11 @@ mod tests {
         let frames = demo(&[(20, 0.5, true), (3, 0.05, true), (17, 0.5, true), (20, 0.5, false)]);
         let plain = augment_demo(&frames, &SETTINGS);
         let starts = |transitions: &[DemoTransition]| -> Vec<usize> {
-            transitions.iter().filter(|transition| transition.step == 0).map(|transition| transition.observation).collect()
+            transitions
+                .iter()
+                .filter(|transition| transition.step == 0)
+                .map(|transition| transition.observation)
+                .collect()
         };
         assert_eq!(starts(&plain), [0, 10, 20, 30, 40, 50]);
         let row = |observation, keyframe, step, reward| DemoTransition {
@@ -216,7 +244,11 @@ mod tests {
         };
         assert_eq!(plain[..3], [row(0, 20, 0, 0.0), row(20, 40, 1, 0.0), row(40, 59, 2, 1.0)]);
         let lpr = DemoSettings { min_start_distance: 10, ..SETTINGS };
-        assert_eq!(starts(&augment_demo(&frames, &lpr)), [0, 10, 20, 30, 40], "frame 50 is 9 frames before the last");
+        assert_eq!(
+            starts(&augment_demo(&frames, &lpr)),
+            [0, 10, 20, 30, 40],
+            "frame 50 is 9 frames before the last"
+        );
     }
 
     #[test]

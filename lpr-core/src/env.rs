@@ -28,7 +28,8 @@ pub trait Environment {
     /// One macro action: times the path, follows it, then gives the command to the gripper.
     fn step(&mut self, path: &JointPath, gripper: Gripper) -> StepResult;
 
-    /// The demonstrator's next keyframe, for experiments that replace Q-attention (`--oracle-poses`); an agent never asks.
+    /// The demonstrator's next keyframe, for experiments that replace Q-attention
+    /// (`--oracle-poses`); an agent never asks.
     fn demonstrated_goal(&self) -> Option<NextBestPose>;
 }
 
@@ -96,7 +97,9 @@ impl fmt::Display for InvalidAction {
         match self {
             Self::Collision { link, body } => write!(f, "{link} went into fixed body {body}"),
             Self::Force { link, newtons } => write!(f, "{link} pressed with {newtons:.0} N"),
-            Self::JointSpeed { joint } => write!(f, "joint {} exceeded its velocity limit", joint + 1),
+            Self::JointSpeed { joint } => {
+                write!(f, "joint {} exceeded its velocity limit", joint + 1)
+            }
             Self::OutsideLimits => f.write_str("the path leaves the joint limits"),
             Self::TooLong { seconds } => write!(f, "the path takes {seconds:.0} s"),
             Self::StartMismatch => f.write_str("the path does not start where the arm is"),

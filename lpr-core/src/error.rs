@@ -1,4 +1,5 @@
-//! The one error type: broken input. A path that cannot be found is a [`crate::path::Rejection`], never an error.
+//! The one error type: broken input. A path that cannot be found is a [`crate::path::Rejection`],
+//! never an error.
 
 use thiserror::Error;
 

@@ -36,7 +36,8 @@ pub struct Evaluation {
     pub steps: u64,
 }
 
-/// What Q-attention is shown instead of what the cameras see: ablations that an agent which uses its eyes must fail.
+/// What Q-attention is shown instead of what the cameras see: ablations that an agent which uses
+/// its eyes must fail.
 ///
 /// Proprioception, and the obstacles that paths are checked against, stay those of the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,7 +60,8 @@ pub struct EvaluatedEpisode {
     pub steps: u64,
     /// Why the task was not done; none when it was.
     pub failure: Option<&'static str>,
-    /// Value of the agent's choice and the discounted reward that came of it, for each step that ranked paths.
+    /// Value of the agent's choice and the discounted reward that came of it, for each step that
+    /// ranked paths.
     pub values: Vec<ChosenValue>,
 }
 
@@ -93,7 +95,8 @@ impl Evaluation {
     }
 }
 
-/// The score interval of a binomial proportion at `z` standard errors (Wilson 1927); 0 to 1 without trials.
+/// The score interval of a binomial proportion at `z` standard errors (Wilson 1927); 0 to 1 without
+/// trials.
 #[must_use]
 pub fn wilson_interval(successes: u64, trials: u64, z: f64) -> [f64; 2] {
     if trials == 0 {
@@ -166,10 +169,19 @@ pub fn evaluate_shown<E: Environment + Clone>(
 }
 
 /// What Q-attention is shown in every step of the episode of scene `seed`.
-fn shown_views<E: Environment + Clone>(environment: &E, shown: Shown, seed: u64) -> Result<Vec<View>> {
+fn shown_views<E: Environment + Clone>(
+    environment: &E,
+    shown: Shown,
+    seed: u64,
+) -> Result<Vec<View>> {
     let mut environment = environment.clone();
     match shown {
-        Shown::Blank => Ok(environment.observe().views.into_iter().map(|view| View::empty(view.camera)).collect()),
+        Shown::Blank => Ok(environment
+            .observe()
+            .views
+            .into_iter()
+            .map(|view| View::empty(view.camera))
+            .collect()),
         Shown::Foreign => {
             environment.reset(seed.wrapping_add(FOREIGN_SEED_OFFSET))?;
             Ok(environment.observe().views)
@@ -185,7 +197,13 @@ fn run_episode<E: Environment>(
     run: &mut impl FnMut(&mut E, &Action) -> StepResult,
 ) -> Result<EvaluatedEpisode> {
     environment.reset(seed)?;
-    run_steps(agent, environment, seed, &mut |environment, streams| decide(agent, environment, streams), run)
+    run_steps(
+        agent,
+        environment,
+        seed,
+        &mut |environment, streams| decide(agent, environment, streams),
+        run,
+    )
 }
 
 /// The steps of an episode in which `decide` chooses every action and `run` executes it.
@@ -212,7 +230,11 @@ fn run_steps<E: Environment>(
 }
 
 /// What the agent does now, without exploration.
-fn decide(agent: &Agent, environment: &mut impl Environment, streams: CandidateStreams) -> Result<Action> {
+fn decide(
+    agent: &Agent,
+    environment: &mut impl Environment,
+    streams: CandidateStreams,
+) -> Result<Action> {
     let observation = environment.observe();
     decide_on(agent, environment, &observation, &observation, streams)
 }
@@ -244,9 +266,14 @@ mod tests {
 
     #[test]
     fn the_interval_is_that_of_published_tables() {
-        // Newcombe (1998), "Two-sided confidence intervals for the single proportion", table I, method 3.
-        let cases =
-            [((81, 263), [0.2553, 0.3662]), ((15, 148), [0.0624, 0.1605]), ((0, 20), [0.0, 0.1611]), ((1, 29), [0.0061, 0.1718])];
+        // Newcombe (1998), "Two-sided confidence intervals for the single proportion", table I,
+        // method 3.
+        let cases = [
+            ((81, 263), [0.2553, 0.3662]),
+            ((15, 148), [0.0624, 0.1605]),
+            ((0, 20), [0.0, 0.1611]),
+            ((1, 29), [0.0061, 0.1718]),
+        ];
         for ((successes, trials), expected) in cases {
             let found = wilson_interval(successes, trials, Z_95);
             let error = |side: usize| (found[side] - expected[side]).abs();
@@ -275,13 +302,19 @@ mod tests {
         let mut config = config();
         config.q_attention.voxels_per_side = 8;
         config.q_attention.rotation_bins = 24;
-        config.q_attention.network =
-            NetworkSettings::Fast { cell_channels: 8, block_channels: 12, head_channels: 4, hidden: 16, harmonics: 4 };
+        config.q_attention.network = NetworkSettings::Fast {
+            cell_channels: 8,
+            block_channels: 12,
+            head_channels: 4,
+            hidden: 16,
+            harmonics: 4,
+        };
         config.training.q_attention_batch = 4;
         let run = Run { poses: PoseSource::Learned, ..run(Method::Linear, 3) };
         let mut trainer = Trainer::new(config, run, Toy::new(&PANDA)).expect("valid settings");
         for seed in 0..3 {
-            let demo = Toy::new(&PANDA).demonstration(demonstration_scene(3, seed)).expect("within reach");
+            let demo =
+                Toy::new(&PANDA).demonstration(demonstration_scene(3, seed)).expect("within reach");
             trainer.add_demonstration(&demo).expect("two keyframes");
         }
         while trainer.demonstration_updates_left() > 0 {
@@ -290,15 +323,20 @@ mod tests {
         trainer
     }
 
-    /// The pose that the agent comes to at the start of scene `seed`, and how it values every voxel of every depth.
+    /// The pose that the agent comes to at the start of scene `seed`, and how it values every voxel
+    /// of every depth.
     fn first_pose(agent: &Agent, shown: Option<Shown>, seed: u64) -> (NextBestPose, Vec<Vec<f32>>) {
         let mut toy = Toy::new(&PANDA);
         let views = shown.map(|shown| shown_views(&toy, shown, seed).expect("within reach"));
         toy.reset(seed).expect("within reach");
         let observation = toy.observe();
-        let attended = Observation { views: views.unwrap_or_else(|| observation.views.clone()), ..observation.clone() };
+        let attended = Observation {
+            views: views.unwrap_or_else(|| observation.views.clone()),
+            ..observation.clone()
+        };
         let streams = CandidateStreams { seed, step: 0 };
-        let action = decide_on(agent, &toy, &observation, &attended, streams).expect("finite values");
+        let action =
+            decide_on(agent, &toy, &observation, &attended, streams).expect("finite values");
         let depths = action.attention.expect("poses are learned").depths;
         (action.goal, depths.into_iter().map(|depth| depth.values).collect())
     }
@@ -322,7 +360,10 @@ mod tests {
         let trainer = trainer(config(), Method::Lpr, 1);
         let own = evaluate(trainer.agent(), &mut Toy::new(&PANDA), 1000..1006, |_| ());
         for shown in [Shown::Blank, Shown::Foreign] {
-            assert_eq!(evaluate_shown(trainer.agent(), &mut Toy::new(&PANDA), shown, 1000..1006, |_| ()), own);
+            assert_eq!(
+                evaluate_shown(trainer.agent(), &mut Toy::new(&PANDA), shown, 1000..1006, |_| ()),
+                own
+            );
         }
     }
 }

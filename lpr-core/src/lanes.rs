@@ -1,7 +1,7 @@
 //! Arithmetic on one number for each lane: a lane is a configuration of the arm.
 //!
-//! Every function does the same operations in the same order whatever the width of the machine's vectors, and none is fused, so
-//! that a lane's result does not depend on the width.
+//! Every function does the same operations in the same order whatever the width of the machine's
+//! vectors, and none is fused, so that a lane's result does not depend on the width.
 
 use fearless_simd::{Select as _, Simd, SimdBase as _, SimdFloat as _};
 use glamx::Vec3;
@@ -69,14 +69,16 @@ const HALF_PI: [f32; 2] = [1.570_312_5, 4.838_268e-4];
 
 /// Sine and cosine, for angles of a few turns: within 2e-7.
 ///
-/// The angle is brought to ±π/4 by quarter turns; minimax polynomials there as in Cephes (`sinf`, `cosf`).
+/// The angle is brought to ±π/4 by quarter turns; minimax polynomials there as in Cephes (`sinf`,
+/// `cosf`).
 #[inline(always)]
 pub(crate) fn sincos<S: Simd>(simd: S, angle: Floats<S>) -> (Floats<S>, Floats<S>) {
     let quarters = (angle * core::f32::consts::FRAC_2_PI).round_ties_even();
     let r = angle - quarters * HALF_PI[0] - quarters * HALF_PI[1];
     let r2 = r * r;
     let sine = ((r2 * -1.951_529_6e-4 + 8.332_161e-3) * r2 + -1.666_665_5e-1) * r2 * r + r;
-    let cosine = ((r2 * 2.443_315_7e-5 + -1.388_731_6e-3) * r2 + 4.166_664_6e-2) * r2 * r2 - r2 * 0.5 + 1.0;
+    let cosine =
+        ((r2 * 2.443_315_7e-5 + -1.388_731_6e-3) * r2 + 4.166_664_6e-2) * r2 * r2 - r2 * 0.5 + 1.0;
     let turn = quarters.to_int::<S::i32s>();
     let one = S::i32s::splat(simd, 1);
     let two = S::i32s::splat(simd, 2);

@@ -1,12 +1,15 @@
-//! What learns: the replay buffers, and one gradient step of each network on what they hold (Algorithm 1, lines 17–20).
+//! What learns: the replay buffers, and one gradient step of each network on what they hold
+//! (Algorithm 1, lines 17–20).
 //!
-//! There is one buffer per question, and all share the steps that they hold: the ranker draws by its temporal differences, the
-//! policy draws uniformly among the steps of successful episodes, Q-attention draws by its own priorities.
+//! There is one buffer per question, and all share the steps that they hold: the ranker draws by
+//! its temporal differences, the policy draws uniformly among the steps of successful episodes,
+//! Q-attention draws by its own priorities.
 //!
 //! # Differences from the paper
 //!
-//! - The released code draws one batch for all networks and multiplies the policy's loss by the success of the episode. Where
-//!   few episodes succeed, that leaves the policy next to nothing of a batch.
+//! - The released code draws one batch for all networks and multiplies the policy's loss by the
+//!   success of the episode. Where few episodes succeed, that leaves the policy next to nothing of
+//!   a batch.
 
 use crate::agent::Networks;
 use crate::error::Result;
@@ -16,7 +19,8 @@ use crate::rng::{Rng, Stream, stream};
 
 use serde::{Deserialize, Serialize};
 
-/// What the replay keeps of an observation: what Q-attention reads, or nothing with the demonstrator's poses.
+/// What the replay keeps of an observation: what Q-attention reads, or nothing with the
+/// demonstrator's poses.
 pub type Seen = Option<QObservation>;
 
 /// A step of experience.
@@ -98,11 +102,14 @@ impl Learner {
         }
     }
 
-    /// Whether Q-attention can learn from a row: it was seen, and the pose lies within the bounds of the first depth.
+    /// Whether Q-attention can learn from a row: it was seen, and the pose lies within the bounds
+    /// of the first depth.
     pub(crate) fn is_scene(row: &Row, attention: &QAttention) -> bool {
         let is_seen = |step: &Step<Seen>| step.observation.is_some();
         let goal = &row.step.decision.context.goal;
-        is_seen(&row.step) && row.next.as_deref().is_none_or(is_seen) && attention.codec().encode(goal).is_some()
+        is_seen(&row.step)
+            && row.next.as_deref().is_none_or(is_seen)
+            && attention.codec().encode(goal).is_some()
     }
 
     /// Transitions added so far.
@@ -123,17 +130,26 @@ impl Learner {
     /// # Errors
     ///
     /// When the network's answers are not numbers any more.
-    pub fn update_q_attention(&mut self, attention: &mut QAttention, batch_size: usize) -> Result<Option<AttentionUpdate>> {
+    pub fn update_q_attention(
+        &mut self,
+        attention: &mut QAttention,
+        batch_size: usize,
+    ) -> Result<Option<AttentionUpdate>> {
         let update = self.updates.q_attention;
         let draws = self.scenes.sample(batch_size, &mut self.generator(update, 2));
         if draws.is_empty() {
             return Ok(None);
         }
-        let batch: Vec<_> = rows(&self.scenes, &draws).filter_map(|(row, weight)| attention_sample(row, weight)).collect();
+        let batch: Vec<_> = rows(&self.scenes, &draws)
+            .filter_map(|(row, weight)| attention_sample(row, weight))
+            .collect();
         let report = attention.update(&batch, &mut stream(self.seed, Stream::Augment, update));
         self.scenes.update_priorities(&draws, &report.priorities)?;
         self.updates.q_attention += 1;
-        Ok(Some(AttentionUpdate { loss: report.losses.iter().sum(), mean_target: report.mean_target }))
+        Ok(Some(AttentionUpdate {
+            loss: report.losses.iter().sum(),
+            mean_target: report.mean_target,
+        }))
     }
 
     /// Lines 18–20: one gradient step of the policy and one of the ranker.
@@ -141,7 +157,11 @@ impl Learner {
     /// # Errors
     ///
     /// When a network's answers are not numbers any more.
-    pub fn update_paths(&mut self, networks: &mut Networks, batch_size: usize) -> Result<PathUpdate> {
+    pub fn update_paths(
+        &mut self,
+        networks: &mut Networks,
+        batch_size: usize,
+    ) -> Result<PathUpdate> {
         if networks.ranker.is_none() && networks.policy.is_none() {
             return Ok(PathUpdate { ranker: None, policy: None });
         }
@@ -153,7 +173,8 @@ impl Learner {
         let Some(ranker) = networks.ranker.as_mut().filter(|_| !draws.is_empty()) else {
             return Ok(PathUpdate { ranker: None, policy });
         };
-        let batch: Vec<_> = rows(&self.paths, &draws).map(|(row, weight)| row.for_ranker(weight)).collect();
+        let batch: Vec<_> =
+            rows(&self.paths, &draws).map(|(row, weight)| row.for_ranker(weight)).collect();
         let report = ranker.update(&batch)?;
         let errors: Vec<f32> = report.td_errors.iter().map(|error| error.abs()).collect();
         self.paths.update_priorities(&draws, &errors)?;
@@ -162,8 +183,12 @@ impl Learner {
     }
 
     fn update_policy(&self, networks: &mut Networks, draws: &[Draw]) -> Result<Option<f32>> {
-        let Some(policy) = networks.policy.as_mut().filter(|_| !draws.is_empty()) else { return Ok(None) };
-        let batch: Vec<_> = rows(&self.successes, draws).filter_map(|(row, weight)| row.for_policy(weight)).collect();
+        let Some(policy) = networks.policy.as_mut().filter(|_| !draws.is_empty()) else {
+            return Ok(None);
+        };
+        let batch: Vec<_> = rows(&self.successes, draws)
+            .filter_map(|(row, weight)| row.for_policy(weight))
+            .collect();
         policy.update(&batch).map(Some)
     }
 
@@ -174,7 +199,9 @@ impl Learner {
 
 /// The drawn rows with their weights.
 fn rows<'a>(replay: &'a Replay<Row>, draws: &'a [Draw]) -> impl Iterator<Item = (&'a Row, f32)> {
-    draws.iter().map(|&draw| (replay.get(draw).expect("drawn from this buffer since its last row"), draw.weight))
+    draws.iter().map(|&draw| {
+        (replay.get(draw).expect("drawn from this buffer since its last row"), draw.weight)
+    })
 }
 
 /// Q-attention's view of a row.

@@ -1,20 +1,28 @@
-//! The path policy `π`: one more candidate path, cloned from the paths of successful episodes (section IV-C, "Path Learning").
+//! The path policy `π`: one more candidate path, cloned from the paths of successful episodes
+//! (section IV-C, "Path Learning").
 //!
-//! The network is asked once per configuration. It reads where the path starts and ends and the fraction `s` of the way, and
-//! answers how far the configuration lies from the straight joint-space line:
-//! `c(s) = c_start + s (c_goal - c_start) + 4 s (1 - s) f(c_start, c_goal, g, s)`.
-//! So both ends are exact from the first step on, and the untrained policy, whose last layer is zero, proposes the straight line.
+//! The network is asked once per configuration. It reads where the path starts and ends and the
+//! fraction `s` of the way, and answers how far the configuration lies from the straight
+//! joint-space line:
+//! `c(s) = c_start + s (c_goal - c_start) + 4 s (1 - s) f(c_start, c_goal, g, s)`. So both ends are
+//! exact from the first step on, and the untrained policy, whose last layer is zero, proposes the
+//! straight line.
 //!
 //! # Differences from the paper
 //!
-//! - The paper's network has `d` outputs and a path `T d` numbers; it does not say how the path comes about. Asking once per
-//!   configuration, with `s` as an input, keeps the paper's sizes and serves any `T`.
-//! - Inputs are the start and a goal configuration and the next-best pose with its gripper command, instead of proprioception and
-//!   the pose: a goal pose has many configurations, and the path has to end in the one that was chosen.
-//! - The loss is the mean over the batch, configurations and joints of the squared differences, where the paper has their sum.
+//! - The paper's network has `d` outputs and a path `T d` numbers; it does not say how the path
+//!   comes about. Asking once per configuration, with `s` as an input, keeps the paper's sizes and
+//!   serves any `T`.
+//! - Inputs are the start and a goal configuration and the next-best pose with its gripper command,
+//!   instead of proprioception and the pose: a goal pose has many configurations, and the path has
+//!   to end in the one that was chosen.
+//! - The loss is the mean over the batch, configurations and joints of the squared differences,
+//!   where the paper has their sum.
 
 use crate::error::{Error, Result};
-use crate::nn::{Adam, AdamSettings, AdamState, Backend, GOAL_FEATURES, JointScale, Mlp, NamedTensor, Spread};
+use crate::nn::{
+    Adam, AdamSettings, AdamState, Backend, GOAL_FEATURES, JointScale, Mlp, NamedTensor, Spread,
+};
 use crate::nn::{export, goal_features, import, tensor, values};
 use crate::path::JointPath;
 use crate::q_attention::{NetworkCost, NextBestPose};
@@ -83,24 +91,35 @@ impl Policy {
     /// # Errors
     ///
     /// [`Error::Config`] when a layer has no outputs.
-    pub fn new(settings: &PolicySettings, robot: &Robot, backend: Backend, rng: &mut Rng) -> Result<Self> {
+    pub fn new(
+        settings: &PolicySettings,
+        robot: &Robot,
+        backend: Backend,
+        rng: &mut Rng,
+    ) -> Result<Self> {
         if settings.widths.contains(&0) {
-            return Err(Error::Config("policy.widths: every layer needs at least one output".to_owned()));
+            return Err(Error::Config(
+                "policy.widths: every layer needs at least one output".to_owned(),
+            ));
         }
-        let widths: Vec<_> = [INPUTS].into_iter().chain(settings.widths.iter().copied()).chain([DOF]).collect();
+        let widths: Vec<_> =
+            [INPUTS].into_iter().chain(settings.widths.iter().copied()).chain([DOF]).collect();
         let device = backend.device();
         let network = Mlp::new(&widths, Spread::Zero, &device, rng);
         let adam = Adam::new(settings.adam, &network);
         Ok(Self { joint_scale: JointScale::new(robot), device, network, adam })
     }
 
-    /// The path that the policy proposes from `start` to `goal_config`, which reaches `goal`, in `n_configs` configurations.
+    /// The path that the policy proposes from `start` to `goal_config`, which reaches `goal`, in
+    /// `n_configs` configurations.
     ///
-    /// Whether it stays within the limits and is short enough to be ranked is for the caller to test.
+    /// Whether it stays within the limits and is short enough to be ranked is for the caller to
+    /// test.
     ///
     /// # Errors
     ///
-    /// [`Error::Shape`] with fewer than two configurations, or when the network's answer is not finite.
+    /// [`Error::Shape`] with fewer than two configurations, or when the network's answer is not
+    /// finite.
     pub fn path(
         &self,
         start: &JointConfig,
@@ -110,22 +129,28 @@ impl Policy {
     ) -> Result<JointPath> {
         if n_configs < 2 {
             let expected = "at least 2 configurations".to_owned();
-            return Err(Error::Shape { what: "path of the policy", expected, found: n_configs.to_string() });
+            return Err(Error::Shape {
+                what: "path of the policy",
+                expected,
+                found: n_configs.to_string(),
+            });
         }
         let mut rows = Rows::default();
         self.push_rows(&mut rows, [start, goal_config], goal, n_configs);
-        let outputs = values(self.network.forward(tensor(rows.inputs, [n_configs, INPUTS], &self.device)));
-        let configs = outputs.chunks_exact(DOF).zip(&rows.bumps).enumerate().map(|(idx, (output, bump))| {
-            // The ends are exact even where the line's arithmetic is not.
-            match idx {
-                0 => *start,
-                _ if idx + 1 == n_configs => *goal_config,
-                _ => {
-                    let line = start.lerp(goal_config, fraction(idx, n_configs));
-                    JointConfig(core::array::from_fn(|j| line[j] + bump * output[j]))
+        let outputs =
+            values(self.network.forward(tensor(rows.inputs, [n_configs, INPUTS], &self.device)));
+        let configs =
+            outputs.chunks_exact(DOF).zip(&rows.bumps).enumerate().map(|(idx, (output, bump))| {
+                // The ends are exact even where the line's arithmetic is not.
+                match idx {
+                    0 => *start,
+                    _ if idx + 1 == n_configs => *goal_config,
+                    _ => {
+                        let line = start.lerp(goal_config, fraction(idx, n_configs));
+                        JointConfig(core::array::from_fn(|j| line[j] + bump * output[j]))
+                    }
                 }
-            }
-        });
+            });
         JointPath::new(configs.collect())
     }
 
@@ -136,7 +161,8 @@ impl Policy {
         NetworkCost { parameters, flops: 2 * path_len * parameters }
     }
 
-    /// One gradient step towards the paths of `batch`, which may differ in length; the loss before it, in square radians.
+    /// One gradient step towards the paths of `batch`, which may differ in length; the loss before
+    /// it, in square radians.
     ///
     /// # Errors
     ///
@@ -144,17 +170,27 @@ impl Policy {
     pub fn update(&mut self, batch: &[PolicySample<'_>]) -> Result<f32> {
         if batch.is_empty() {
             let expected = "at least one path".to_owned();
-            return Err(Error::Shape { what: "batch of the policy", expected, found: "none".to_owned() });
+            return Err(Error::Shape {
+                what: "batch of the policy",
+                expected,
+                found: "none".to_owned(),
+            });
         }
         let mut rows = Rows::default();
         let (mut offsets, mut weights) = (Vec::new(), Vec::new());
         for sample in batch {
             let configs = sample.path.configs();
-            self.push_rows(&mut rows, [sample.path.start(), sample.path.goal()], sample.goal, configs.len());
+            self.push_rows(
+                &mut rows,
+                [sample.path.start(), sample.path.goal()],
+                sample.goal,
+                configs.len(),
+            );
             let weight = sample.weight / (batch.len() * configs.len() * DOF) as f32;
             weights.extend(configs.iter().map(|_| weight));
             for (idx, config) in configs.iter().enumerate() {
-                let line = sample.path.start().lerp(sample.path.goal(), fraction(idx, configs.len()));
+                let line =
+                    sample.path.start().lerp(sample.path.goal(), fraction(idx, configs.len()));
                 offsets.extend(config.iter().zip(line.iter()).map(|(q, on_line)| q - on_line));
             }
         }
@@ -171,7 +207,13 @@ impl Policy {
         Ok(loss.into_scalar())
     }
 
-    fn push_rows(&self, rows: &mut Rows, ends: [&JointConfig; 2], goal: &NextBestPose, n_configs: usize) {
+    fn push_rows(
+        &self,
+        rows: &mut Rows,
+        ends: [&JointConfig; 2],
+        goal: &NextBestPose,
+        n_configs: usize,
+    ) {
         let [start, end] = ends.map(|config| self.joint_scale.apply(config));
         let goal = goal_features(goal);
         for idx in 0..n_configs {
@@ -220,7 +262,8 @@ mod tests {
     }
 
     fn policy(seed: u64) -> Policy {
-        Policy::new(&settings(), &PANDA, Backend::Flex, &mut stream(seed, Stream::Init, 1)).expect("valid settings")
+        Policy::new(&settings(), &PANDA, Backend::Flex, &mut stream(seed, Stream::Init, 1))
+            .expect("valid settings")
     }
 
     fn goal() -> NextBestPose {
@@ -234,13 +277,18 @@ mod tests {
         let configs = (0..n).map(|idx| {
             let s = idx as f32 / (n - 1) as f32;
             let line = PANDA.start.lerp(&end, s);
-            JointConfig(core::array::from_fn(|j| line[j] + 0.3 * (core::f32::consts::PI * s).sin() * (j as f32 - 3.0) / 3.0))
+            JointConfig(core::array::from_fn(|j| {
+                line[j] + 0.3 * (core::f32::consts::PI * s).sin() * (j as f32 - 3.0) / 3.0
+            }))
         });
         JointPath::new(configs.collect()).expect("several configurations")
     }
 
     fn largest_difference(a: &JointPath, b: &JointPath) -> f32 {
-        a.configs().iter().zip(b.configs()).fold(0.0, |most, (a, b)| a.max_joint_distance(b).max(most))
+        a.configs()
+            .iter()
+            .zip(b.configs())
+            .fold(0.0, |most, (a, b)| a.max_joint_distance(b).max(most))
     }
 
     #[test]
@@ -258,7 +306,9 @@ mod tests {
         let goal = goal();
         let batch = [PolicySample { path: &demonstrated, goal: &goal, weight: 1.0 }];
         let mut policy = policy(2);
-        let propose = |policy: &Policy, n| policy.path(demonstrated.start(), demonstrated.goal(), &goal, n).expect("a path");
+        let propose = |policy: &Policy, n| {
+            policy.path(demonstrated.start(), demonstrated.goal(), &goal, n).expect("a path")
+        };
         let before = largest_difference(&propose(&policy, 12), &demonstrated);
         for _ in 0..200 {
             policy.update(&batch).expect("a valid batch");
@@ -266,7 +316,10 @@ mod tests {
             assert_eq!((path.start(), path.goal()), (demonstrated.start(), demonstrated.goal()));
         }
         let after = largest_difference(&propose(&policy, 12), &demonstrated);
-        assert!(before > 0.25 && after < 0.03, "largest difference of a joint {before}, then {after} rad");
+        assert!(
+            before > 0.25 && after < 0.03,
+            "largest difference of a joint {before}, then {after} rad"
+        );
         // The same curve in another number of configurations.
         let finer = largest_difference(&propose(&policy, 23), &arc(23));
         assert!(finer < 0.04, "{finer} rad");
@@ -294,7 +347,9 @@ mod tests {
         assert!(policy.path(&PANDA.start, &PANDA.start, &goal(), 1).is_err());
         assert!(policy.update(&[]).is_err());
         let settings = PolicySettings { widths: vec![8, 0], ..settings() };
-        assert!(Policy::new(&settings, &PANDA, Backend::Flex, &mut stream(0, Stream::Init, 1)).is_err());
+        assert!(
+            Policy::new(&settings, &PANDA, Backend::Flex, &mut stream(0, Stream::Init, 1)).is_err()
+        );
     }
 
     #[derive(Deserialize)]
@@ -317,24 +372,42 @@ mod tests {
     #[test]
     fn path_losses_and_parameters_are_those_of_pytorch() {
         let reference = include_str!("../../tests/golden/policy.json");
-        let cases: Vec<Case> = serde_json::from_str(reference).expect("written by tests/peers/networks.py");
+        let cases: Vec<Case> =
+            serde_json::from_str(reference).expect("written by tests/peers/networks.py");
         for case in &cases {
             let rng = &mut stream(0, Stream::Init, 1);
-            let mut policy = Policy::new(&case.settings, &PANDA, Backend::Flex, rng).expect("valid settings");
+            let mut policy =
+                Policy::new(&case.settings, &PANDA, Backend::Flex, rng).expect("valid settings");
             let adam = policy.state().adam;
-            policy.restore(&PolicyState { network: case.before.clone(), adam }).expect("tensors of these settings");
-            let path_of = |sample: &Sample| JointPath::new(sample.configs.clone()).expect("at least two configurations");
-            let owned: Vec<_> = case.batch.iter().map(|sample| (path_of(sample), sample.goal.next_best_pose())).collect();
+            policy
+                .restore(&PolicyState { network: case.before.clone(), adam })
+                .expect("tensors of these settings");
+            let path_of = |sample: &Sample| {
+                JointPath::new(sample.configs.clone()).expect("at least two configurations")
+            };
+            let owned: Vec<_> = case
+                .batch
+                .iter()
+                .map(|sample| (path_of(sample), sample.goal.next_best_pose()))
+                .collect();
             let (path, goal) = &owned[0];
-            let found = policy.path(path.start(), path.goal(), goal, case.path.len()).expect("a path");
+            let found =
+                policy.path(path.start(), path.goal(), goal, case.path.len()).expect("a path");
             for (found, expected) in found.configs().iter().zip(&case.path) {
                 assert_close("path", &found.0, &expected.0, 1e-5);
             }
             let samples: Vec<_> = owned.iter().zip(&case.batch).collect();
-            let batch: Vec<_> =
-                samples.iter().map(|((path, goal), sample)| PolicySample { path, goal, weight: sample.weight }).collect();
+            let batch: Vec<_> = samples
+                .iter()
+                .map(|((path, goal), sample)| PolicySample { path, goal, weight: sample.weight })
+                .collect();
             for expected in &case.losses {
-                assert_close("loss", &[policy.update(&batch).expect("a valid batch")], &[*expected], 1e-5);
+                assert_close(
+                    "loss",
+                    &[policy.update(&batch).expect("a valid batch")],
+                    &[*expected],
+                    1e-5,
+                );
             }
             assert_tensors_close(&policy.state().network, &case.after, 2e-5);
         }

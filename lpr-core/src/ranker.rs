@@ -1,20 +1,24 @@
-//! The ranker `Q^R`: learned value of a path, by temporal differences on the sparse reward (section IV-D, "Learned Path Ranking").
+//! The ranker `Q^R`: learned value of a path, by temporal differences on the sparse reward (section
+//! IV-D, "Learned Path Ranking").
 //!
-//! One small network reads every configuration of a path, a maximum over the configurations pools what it found, and a head
-//! turns that into the value. The target of a transition is `r + γ Q'(ξ_{t+1})` with the path that was taken next; when the
-//! episode ended it is exactly `r`.
+//! One small network reads every configuration of a path, a maximum over the configurations pools
+//! what it found, and a head turns that into the value. The target of a transition is
+//! `r + γ Q'(ξ_{t+1})` with the path that was taken next; when the episode ended it is exactly `r`.
 //!
 //! # Differences from the paper
 //!
-//! - The paper gives the network the joints alone. [`RankerInput::Context`] also shows the head where the path starts and
-//!   ends, the next-best pose, whether the path collides, the gripper's state and command, and the time: without them two
-//!   keyframes whose paths look alike share one value. [`RankerInput::Joints`] is the paper's. [`RankerInput::Grip`] adds for
-//!   every configuration the pose of the grip in the frame of the next-best pose, by forward kinematics: a path that turns a
-//!   hinge is then the same set of numbers wherever the hinge stands, which ten demonstrations need.
+//! - The paper gives the network the joints alone. [`RankerInput::Context`] also shows the head
+//!   where the path starts and ends, the next-best pose, whether the path collides, the gripper's
+//!   state and command, and the time: without them two keyframes whose paths look alike share one
+//!   value. [`RankerInput::Joints`] is the paper's. [`RankerInput::Grip`] adds for every
+//!   configuration the pose of the grip in the frame of the next-best pose, by forward kinematics:
+//!   a path that turns a hinge is then the same set of numbers wherever the hinge stands, which ten
+//!   demonstrations need.
 //! - Joint angles are scaled so that the limits are ±1; the paper does not say how they enter.
 //! - The paper calls the network "the path policy" where it describes it; it is the ranker's.
-//! - Optimiser, discount and target mix are not in the paper; presets take the released code's. Its twin networks
-//!   ([`Critics::Twin`]) and clipped targets ([`TargetRange::UnitInterval`]) are settings.
+//! - Optimiser, discount and target mix are not in the paper; presets take the released code's. Its
+//!   twin networks ([`Critics::Twin`]) and clipped targets ([`TargetRange::UnitInterval`]) are
+//!   settings.
 
 #[cfg(test)]
 mod golden;
@@ -41,7 +45,8 @@ pub enum RankerInput {
     Joints,
     /// The configurations, and for the head the situation in which the path would be taken.
     Context,
-    /// [`Self::Context`], and for every configuration where the grip is, seen from the next-best pose.
+    /// [`Self::Context`], and for every configuration where the grip is, seen from the next-best
+    /// pose.
     Grip,
 }
 
@@ -167,12 +172,18 @@ impl Ranker {
     /// # Errors
     ///
     /// [`Error::Config`] when a layer has no outputs, or a factor lies outside 0 to 1.
-    pub fn new(settings: &RankerSettings, robot: &'static Robot, backend: Backend, rng: &mut Rng) -> Result<Self> {
+    pub fn new(
+        settings: &RankerSettings,
+        robot: &'static Robot,
+        backend: Backend,
+        rng: &mut Rng,
+    ) -> Result<Self> {
         check(settings)?;
         let device = backend.device();
         let online = RankerNetwork::new(settings, &device, rng);
         let (target, adam) = (online.clone(), Adam::new(settings.adam, &online));
-        let encoding = Encoding { input: settings.input, joint_scale: JointScale::new(robot), robot };
+        let encoding =
+            Encoding { input: settings.input, joint_scale: JointScale::new(robot), robot };
         Ok(Self { settings: settings.clone(), encoding, device, online, target, adam })
     }
 
@@ -208,11 +219,14 @@ impl Ranker {
         let leaves = self.online.clone().train();
         let device = self.device.clone().autodiff();
         let input = self.encoding.encode(&taken, &device)?;
-        let value_tensors: Vec<_> = leaves.critics.iter().map(|critic| critic.forward(&input)).collect();
-        let per_critic: Vec<_> = value_tensors.iter().map(|value| values(value.clone().inner())).collect();
+        let value_tensors: Vec<_> =
+            leaves.critics.iter().map(|critic| critic.forward(&input)).collect();
+        let per_critic: Vec<_> =
+            value_tensors.iter().map(|value| values(value.clone().inner())).collect();
 
         let n = batch.len();
-        let weight = tensor(batch.iter().map(|transition| transition.weight).collect(), [n], &device);
+        let weight =
+            tensor(batch.iter().map(|transition| transition.weight).collect(), [n], &device);
         let target = tensor(targets.clone(), [n], &device);
         let loss = value_tensors
             .into_iter()
@@ -230,14 +244,20 @@ impl Ranker {
     /// `r + γ Q'(ξ_{t+1})`, or `r` where nothing follows.
     fn targets(&self, batch: &[RankerTransition<'_>]) -> Result<Vec<f32>> {
         let next: Vec<_> = batch.iter().filter_map(|transition| transition.next).collect();
-        let per_critic =
-            if next.is_empty() { Vec::new() } else { self.target.forward(&self.encoding.encode(&next, &self.device)?) };
-        let mut lowest = (0..next.len()).map(|idx| per_critic.iter().fold(f32::INFINITY, |low, values| low.min(values[idx])));
+        let per_critic = if next.is_empty() {
+            Vec::new()
+        } else {
+            self.target.forward(&self.encoding.encode(&next, &self.device)?)
+        };
+        let mut lowest = (0..next.len())
+            .map(|idx| per_critic.iter().fold(f32::INFINITY, |low, values| low.min(values[idx])));
         Ok(batch
             .iter()
             .map(|transition| {
                 let bootstrap = transition.next.and_then(|_| lowest.next());
-                let target = bootstrap.map_or(transition.reward, |value| transition.reward + self.settings.discount * value);
+                let target = bootstrap.map_or(transition.reward, |value| {
+                    transition.reward + self.settings.discount * value
+                });
                 match self.settings.target_range {
                     TargetRange::Unbounded => target,
                     TargetRange::UnitInterval => target.clamp(0.0, 1.0),
@@ -249,7 +269,11 @@ impl Ranker {
     /// What a checkpoint stores.
     #[must_use]
     pub fn state(&self) -> RankerState {
-        RankerState { online: export(&self.online), target: export(&self.target), adam: self.adam.state().clone() }
+        RankerState {
+            online: export(&self.online),
+            target: export(&self.target),
+            adam: self.adam.state().clone(),
+        }
     }
 
     /// Goes on from a checkpoint of a ranker with the same settings.
@@ -310,29 +334,42 @@ mod tests {
     }
 
     fn ranker(settings: &RankerSettings, seed: u64) -> Ranker {
-        Ranker::new(settings, &PANDA, Backend::Flex, &mut stream(seed, Stream::Init, 0)).expect("valid settings")
+        Ranker::new(settings, &PANDA, Backend::Flex, &mut stream(seed, Stream::Init, 0))
+            .expect("valid settings")
     }
 
     fn context() -> RankerContext {
         let pose = Pose3::from_parts(Vec3::new(0.4, 0.1, 0.2), Quat::from_rotation_x(3.0));
-        RankerContext { goal: NextBestPose { pose, gripper: Gripper::Close }, gripper_open: 1.0, time: 0.5 }
+        RankerContext {
+            goal: NextBestPose { pose, gripper: Gripper::Close },
+            gripper_open: 1.0,
+            time: 0.5,
+        }
     }
 
-    /// A path of eight configurations from the start to a fixed goal, bent by `bend` radians at every joint.
+    /// A path of eight configurations from the start to a fixed goal, bent by `bend` radians at
+    /// every joint.
     fn bent_path(bend: f32) -> RankedPath {
         let goal = JointConfig(PANDA.start.map(|q| q + 0.5));
         let configs = (0..8).map(|idx| {
             let s = idx as f32 / 7.0;
             JointConfig(PANDA.start.lerp(&goal, s).map(|q| q + 4.0 * s * (1.0 - s) * bend))
         });
-        RankedPath { path: JointPath::new(configs.collect()).expect("eight configurations"), collides: false }
+        RankedPath {
+            path: JointPath::new(configs.collect()).expect("eight configurations"),
+            collides: false,
+        }
     }
 
     fn random_paths(n: usize, rng: &mut Rng) -> Vec<RankedPath> {
         (0..n).map(|_| bent_path(rng.random_range(-1.0..1.0))).collect()
     }
 
-    fn transition<'a>(taken: &'a RankedPath, next: Option<&'a RankedPath>, context: &'a RankerContext) -> RankerTransition<'a> {
+    fn transition<'a>(
+        taken: &'a RankedPath,
+        next: Option<&'a RankedPath>,
+        context: &'a RankerContext,
+    ) -> RankerTransition<'a> {
         let sample = |path| RankerSample { context, path };
         RankerTransition { taken: sample(taken), reward: 0.7, next: next.map(sample), weight: 1.0 }
     }
@@ -353,10 +390,17 @@ mod tests {
         let (context, path) = (context(), bent_path(0.4));
         let mut configs = path.path.configs().to_vec();
         configs[1..7].reverse();
-        let shuffled = RankedPath { path: JointPath::new(configs).expect("eight configurations"), collides: false };
+        let shuffled = RankedPath {
+            path: JointPath::new(configs).expect("eight configurations"),
+            collides: false,
+        };
         let colliding = RankedPath { collides: true, ..path.clone() };
         let paths = [path, shuffled, colliding];
-        let values = |input| ranker(&RankerSettings { input, ..settings() }, 2).values(&context, &paths).expect("three paths");
+        let values = |input| {
+            ranker(&RankerSettings { input, ..settings() }, 2)
+                .values(&context, &paths)
+                .expect("three paths")
+        };
         let seen = values(RankerInput::Context);
         assert_eq!(seen[0], seen[1]);
         assert_ne!(seen[0], seen[2]);
@@ -370,10 +414,13 @@ mod tests {
         let (ranker, context) = (ranker(&settings, 3), context());
         let path = bent_path(0.2);
         let sample = RankerSample { context: &context, path: &path };
-        let per_critic = ranker.target.forward(&ranker.encoding.encode(&[sample], &ranker.device).expect("one path"));
+        let per_critic = ranker
+            .target
+            .forward(&ranker.encoding.encode(&[sample], &ranker.device).expect("one path"));
         let (a, b) = (per_critic[0][0], per_critic[1][0]);
         assert_ne!(a, b);
-        let target = ranker.targets(&[transition(&path, Some(&path), &context)]).expect("a valid batch")[0];
+        let target =
+            ranker.targets(&[transition(&path, Some(&path), &context)]).expect("a valid batch")[0];
         assert_eq!(target, 0.7 + 0.99 * a.min(b));
         assert_eq!(ranker.values(&context, &[path]).expect("one path"), [(a + b) / 2.0]);
     }
@@ -398,10 +445,15 @@ mod tests {
             }
             let candidates: Vec<_> = (0..30).map(|idx| around(kinds[idx % 3])).collect();
             let values = ranker.values(&context, &candidates).expect("paths of one length");
-            let best = (0..30).max_by(|&a, &b| values[a].total_cmp(&values[b])).expect("thirty paths");
+            let best =
+                (0..30).max_by(|&a, &b| values[a].total_cmp(&values[b])).expect("thirty paths");
             assert_eq!(best % 3, 1, "seed {seed}: {values:?}");
-            let worst_good = (1..30).step_by(3).map(|idx| values[idx]).fold(f32::INFINITY, f32::min);
-            let best_bad = (0..30).filter(|idx| idx % 3 != 1).map(|idx| values[idx]).fold(f32::NEG_INFINITY, f32::max);
+            let worst_good =
+                (1..30).step_by(3).map(|idx| values[idx]).fold(f32::INFINITY, f32::min);
+            let best_bad = (0..30)
+                .filter(|idx| idx % 3 != 1)
+                .map(|idx| values[idx])
+                .fold(f32::NEG_INFINITY, f32::max);
             assert!(worst_good > best_bad, "seed {seed}: {values:?}");
         }
     }
@@ -413,8 +465,11 @@ mod tests {
             .map(|idx| {
                 let mut rng = stream(9, Stream::Replay, idx);
                 let (taken, next) = (random_paths(16, &mut rng), random_paths(16, &mut rng));
-                let batch: Vec<_> =
-                    taken.iter().zip(&next).map(|(taken, next)| transition(taken, Some(next), &context)).collect();
+                let batch: Vec<_> = taken
+                    .iter()
+                    .zip(&next)
+                    .map(|(taken, next)| transition(taken, Some(next), &context))
+                    .collect();
                 ranker.update(&batch).expect("a valid batch").loss.to_bits()
             })
             .collect()
@@ -424,9 +479,11 @@ mod tests {
     #[test]
     fn the_same_seed_gives_the_same_losses_for_any_thread_count() {
         // Wide enough for every matrix product to be split.
-        let settings = RankerSettings { config_widths: vec![64, 256], head_widths: vec![256], ..settings() };
+        let settings =
+            RankerSettings { config_widths: vec![64, 256], head_widths: vec![256], ..settings() };
         let run = |n_threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().expect("a pool");
+            let pool =
+                rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().expect("a pool");
             pool.install(|| losses(&mut ranker(&settings, 4), 20))
         };
         let alone = run(1);
@@ -454,10 +511,19 @@ mod tests {
         let short = RankedPath { path: bent_path(0.0).path.resample(3), collides: false };
         let paths = [bent_path(0.0), short];
         assert!(ranker.values(&context, &paths).is_err());
-        assert!(ranker.update(&[transition(&paths[0], None, &context), transition(&paths[1], None, &context)]).is_err());
+        assert!(
+            ranker
+                .update(&[
+                    transition(&paths[0], None, &context),
+                    transition(&paths[1], None, &context)
+                ])
+                .is_err()
+        );
         assert!(ranker.update(&[]).is_err());
         assert_eq!(ranker.values(&context, &[]), Ok(vec![]));
-        let build = |settings: RankerSettings| Ranker::new(&settings, &PANDA, Backend::Flex, &mut stream(0, Stream::Init, 0));
+        let build = |settings: RankerSettings| {
+            Ranker::new(&settings, &PANDA, Backend::Flex, &mut stream(0, Stream::Init, 0))
+        };
         assert!(build(RankerSettings { config_widths: vec![], ..settings() }).is_err());
         assert!(build(RankerSettings { discount: 1.5, ..settings() }).is_err());
     }

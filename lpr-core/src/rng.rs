@@ -1,7 +1,8 @@
 //! The only place that makes a random generator: one seed, named streams, one generator per use.
 //!
-//! A generator is a pure function of `(seed, stream, index)`: the index is the episode, environment step or update it serves.
-//! So a checkpoint stores counters and no generator state, and a draw added to one stream moves no other.
+//! A generator is a pure function of `(seed, stream, index)`: the index is the episode, environment
+//! step or update it serves. So a checkpoint stores counters and no generator state, and a draw
+//! added to one stream moves no other.
 
 use rand::{RngExt as _, SeedableRng as _};
 
@@ -62,8 +63,8 @@ pub fn stream(seed: u64, stream: Stream, index: u64) -> Rng {
     rng
 }
 
-/// A draw from the standard normal distribution (Box and Muller 1958; the second value of the pair is not used, so that every
-/// draw takes the same amount of the stream).
+/// A draw from the standard normal distribution (Box and Muller 1958; the second value of the pair
+/// is not used, so that every draw takes the same amount of the stream).
 ///
 /// ```
 /// use lpr_core::rng::{Stream, normal, stream};

@@ -1,7 +1,8 @@
 //! A world without physics that a path can fail in: quick enough to learn in seconds.
 //!
-//! The grip reaches a knob and then moves it to its end. The first way is free. The second has to bow to one side, as the way of
-//! a door's handle does; a straighter path presses on the knob and ends the episode.
+//! The grip reaches a knob and then moves it to its end. The first way is free. The second has to
+//! bow to one side, as the way of a door's handle does; a straighter path presses on the knob and
+//! ends the episode.
 
 use crate::env::{EPISODE_LENGTH, Environment, InvalidAction, StepResult};
 use crate::error::{Error, Result};
@@ -71,7 +72,14 @@ impl Toy {
     /// The world before its first episode.
     #[must_use]
     pub fn new(robot: &'static Robot) -> Self {
-        Self { robot, knob: Vec3::ZERO, joints: robot.start, gripper: Gripper::Open, keyframe: 0, n_steps: 0 }
+        Self {
+            robot,
+            knob: Vec3::ZERO,
+            joints: robot.start,
+            gripper: Gripper::Open,
+            keyframe: 0,
+            n_steps: 0,
+        }
     }
 
     /// The demonstrator's way to the next keyframe; none where the arm cannot follow it.
@@ -79,19 +87,24 @@ impl Toy {
     pub fn demonstrated_path(&self, rng: &mut Rng) -> Option<JointPath> {
         let (start, goal) = (self.robot.grip(&self.joints), self.goal(self.keyframe).pose);
         let bow = SIDE * rng.random_range(2.5 * BOW..4.0 * BOW);
-        let curve = BezierCurve::new(&start, 0.5 * (start.translation + goal.translation) + bow, &goal);
+        let curve =
+            BezierCurve::new(&start, 0.5 * (start.translation + goal.translation) + bow, &goal);
         curve.to_joints(self.robot, &self.joints).ok()
     }
 
     fn goal(&self, keyframe: usize) -> NextBestPose {
         let position = if keyframe == 0 { self.knob } else { self.knob + TRAVEL };
-        NextBestPose { pose: Pose3::from_parts(position, Quat::from_rotation_x(PI)), gripper: Gripper::Close }
+        NextBestPose {
+            pose: Pose3::from_parts(position, Quat::from_rotation_x(PI)),
+            gripper: Gripper::Close,
+        }
     }
 
     /// How far the grip bows to the side of the straight line, metres.
     fn bow(&self, path: &JointPath) -> f32 {
         let positions = path.configs().iter().map(|config| self.robot.grip(config).translation);
-        let (start, goal) = (self.robot.grip(path.start()).translation, self.robot.grip(path.goal()).translation);
+        let (start, goal) =
+            (self.robot.grip(path.start()).translation, self.robot.grip(path.goal()).translation);
         let along = goal - start;
         positions.fold(0.0_f32, |most, position| {
             let fraction = (position - start).dot(along) / along.length_squared().max(1e-6);
@@ -102,7 +115,12 @@ impl Toy {
     fn end(&self, path: &JointPath, gripper: Gripper) -> StepResult {
         let truncated = self.n_steps >= EPISODE_LENGTH;
         let going_on = StepResult { reward: 0.0, terminated: false, truncated, invalid: None };
-        let refused = |invalid| StepResult { terminated: true, truncated: false, invalid: Some(invalid), ..going_on };
+        let refused = |invalid| StepResult {
+            terminated: true,
+            truncated: false,
+            invalid: Some(invalid),
+            ..going_on
+        };
         if path.start().max_joint_distance(&self.joints) > 1e-3 {
             return refused(InvalidAction::StartMismatch);
         }
@@ -110,7 +128,8 @@ impl Toy {
             return refused(InvalidAction::OutsideLimits);
         }
         let goal = self.goal(self.keyframe);
-        let arrived = self.robot.grip(path.goal()).translation.distance(goal.pose.translation) < TOLERANCE;
+        let arrived =
+            self.robot.grip(path.goal()).translation.distance(goal.pose.translation) < TOLERANCE;
         if !arrived || gripper != goal.gripper || self.keyframe == 0 {
             return going_on;
         }
@@ -133,7 +152,8 @@ impl Environment for Toy {
         let offset = [0; 2].map(|_| rng.random_range(-SPREAD..SPREAD));
         let knob = Vec3::new(center.x + offset[0], center.y + offset[1], HEIGHT);
         *self = Self { knob, ..Self::new(self.robot) };
-        let is_reached = |keyframe| self.robot.ik_nearest(&self.goal(keyframe).pose, &self.joints).is_some();
+        let is_reached =
+            |keyframe| self.robot.ik_nearest(&self.goal(keyframe).pose, &self.joints).is_some();
         if !(0..Self::KEYFRAMES).all(is_reached) {
             return Err(Error::Environment(format!("the arm cannot reach the knob at {knob}")));
         }
@@ -142,13 +162,16 @@ impl Environment for Toy {
 
     fn observe(&mut self) -> Observation {
         let eye = self.robot.workspace_center.extend(1.0);
-        let camera = Camera::looking("toy", eye, -Vec3::Z, 1.0).with_size(KNOB_POINTS * KNOB_POINTS, KNOB_POINTS);
+        let camera = Camera::looking("toy", eye, -Vec3::Z, 1.0)
+            .with_size(KNOB_POINTS * KNOB_POINTS, KNOB_POINTS);
         let mut view = View::empty(camera);
         let n = KNOB_POINTS;
         for idx in 0..view.points.len() {
-            let cell = [idx % n, idx / n % n, idx / (n * n)].map(|i| (i as f32 / (n - 1) as f32 - 0.5) * 0.03);
+            let cell = [idx % n, idx / n % n, idx / (n * n)]
+                .map(|i| (i as f32 / (n - 1) as f32 - 0.5) * 0.03);
             let point = self.goal(self.keyframe).pose.translation + Vec3::from_array(cell);
-            (view.points[idx], view.rgb[idx], view.depth[idx]) = (point, [200, 30, 30], eye.z - point.z);
+            (view.points[idx], view.rgb[idx], view.depth[idx]) =
+                (point, [200, 30, 30], eye.z - point.z);
         }
         let gripper_width = match self.gripper {
             Gripper::Open => self.robot.gripper.max_width,
@@ -170,7 +193,8 @@ impl Environment for Toy {
         let result = self.end(path, gripper);
         if !result.terminated {
             let goal = self.goal(self.keyframe);
-            let arrived = self.robot.grip(path.goal()).translation.distance(goal.pose.translation) < TOLERANCE;
+            let arrived = self.robot.grip(path.goal()).translation.distance(goal.pose.translation)
+                < TOLERANCE;
             (self.joints, self.gripper) = (*path.goal(), gripper);
             if arrived && self.keyframe == 0 && gripper == goal.gripper {
                 self.keyframe = 1;
@@ -201,7 +225,8 @@ mod demonstrations {
             self.reset(seed)?;
             let mut steps = Vec::new();
             for keyframe in 0..Self::KEYFRAMES {
-                let unreachable = || Error::Environment(format!("no demonstration of the toy's scene {seed}"));
+                let unreachable =
+                    || Error::Environment(format!("no demonstration of the toy's scene {seed}"));
                 let path = self.demonstrated_path(rng).ok_or_else(unreachable)?;
                 let goal = self.goal(keyframe);
                 let observation = self.observe();
@@ -227,13 +252,26 @@ mod tests {
                 toy.reset(seed).expect("within reach");
                 let first = toy.demonstrated_path(&mut rng).expect("a path");
                 let result = toy.step(&first, Gripper::Close);
-                assert_eq!((result.reward, result.terminated, result.truncated), (0.0, false, false));
+                assert_eq!(
+                    (result.reward, result.terminated, result.truncated),
+                    (0.0, false, false)
+                );
                 let mut other = toy.clone();
                 let second = toy.demonstrated_path(&mut rng).expect("a path");
-                assert_eq!(toy.step(&second, Gripper::Close).reward, 1.0, "{} scene {seed}", robot.name);
-                let straight = JointPath::new(vec![*second.start(), *second.goal()]).expect("two configurations");
+                assert_eq!(
+                    toy.step(&second, Gripper::Close).reward,
+                    1.0,
+                    "{} scene {seed}",
+                    robot.name
+                );
+                let straight = JointPath::new(vec![*second.start(), *second.goal()])
+                    .expect("two configurations");
                 let result = other.step(&straight.resample(20), Gripper::Close);
-                assert!(result.terminated && matches!(result.invalid, Some(InvalidAction::Force { .. })), "{result:?}");
+                assert!(
+                    result.terminated
+                        && matches!(result.invalid, Some(InvalidAction::Force { .. })),
+                    "{result:?}"
+                );
             }
         }
     }
@@ -247,7 +285,8 @@ mod tests {
             let result = toy.step(&still, Gripper::Open);
             assert_eq!((result.truncated, result.terminated), (step == EPISODE_LENGTH, false));
         }
-        let elsewhere = JointPath::new(vec![JointConfig(toy.joints.map(|q| q + 0.1)); 2]).expect("two configurations");
+        let elsewhere = JointPath::new(vec![JointConfig(toy.joints.map(|q| q + 0.1)); 2])
+            .expect("two configurations");
         assert_eq!(toy.step(&elsewhere, Gripper::Open).invalid, Some(InvalidAction::StartMismatch));
     }
 }

@@ -1,14 +1,17 @@
-//! Algorithm 1 of the paper: a coarse-to-fine agent with learned path ranking learns from demonstrations and from what it tries.
+//! Algorithm 1 of the paper: a coarse-to-fine agent with learned path ranking learns from
+//! demonstrations and from what it tries.
 //!
-//! [`Trainer::step`] is the algorithm's loop with the paper's line numbers. It runs one environment step and the gradient steps
-//! that follow, so that the caller decides when to stop, to look and to save, and reads clocks.
+//! [`Trainer::step`] is the algorithm's loop with the paper's line numbers. It runs one environment
+//! step and the gradient steps that follow, so that the caller decides when to stop, to look and to
+//! save, and reads clocks.
 //!
 //! # Differences from the paper
 //!
-//! - A transition enters the replay when its episode ends: only then is it known whether the episode succeeded, which the
-//!   policy's loss asks for. The released code does the same.
+//! - A transition enters the replay when its episode ends: only then is it known whether the
+//!   episode succeeded, which the policy's loss asks for. The released code does the same.
 //! - What running out of steps means is a setting: [`Timeout`].
-//! - A pose that no path reaches ends the episode. Its step teaches Q-attention, and neither ranker nor policy.
+//! - A pose that no path reaches ends the episode. Its step teaches Q-attention, and neither ranker
+//!   nor policy.
 
 mod episode;
 mod log;
@@ -95,10 +98,19 @@ impl<E: Environment> Trainer<E> {
         let agent = Agent::new(&config, robot, run.method, networks);
         // Line 3: the buffer.
         let learner = Learner::new(&config.replay, run.seed)?;
-        Ok(Self { config, run, agent, learner, progress: Progress::default(), episode: None, environment })
+        Ok(Self {
+            config,
+            run,
+            agent,
+            learner,
+            progress: Progress::default(),
+            episode: None,
+            environment,
+        })
     }
 
-    /// Line 3: a chain of keyframes, as keyframe discovery and demo augmentation make them, into the buffer.
+    /// Line 3: a chain of keyframes, as keyframe discovery and demo augmentation make them, into
+    /// the buffer.
     ///
     /// # Errors
     ///
@@ -107,12 +119,15 @@ impl<E: Environment> Trainer<E> {
         episode::add_demonstration(demo, &self.agent, &mut self.learner)
     }
 
-    /// Updates on the demonstrations alone that are still to be made before the first environment step.
+    /// Updates on the demonstrations alone that are still to be made before the first environment
+    /// step.
     #[must_use]
     pub fn demonstration_updates_left(&self) -> u64 {
         let networks = &self.agent.networks;
         let has_nothing_to_learn = self.learner.n_transitions() == 0
-            || networks.ranker.is_none() && networks.policy.is_none() && networks.q_attention.is_none();
+            || networks.ranker.is_none()
+                && networks.policy.is_none()
+                && networks.q_attention.is_none();
         if has_nothing_to_learn || self.progress.env_steps > 0 {
             return 0;
         }
@@ -137,7 +152,8 @@ impl<E: Environment> Trainer<E> {
     ///
     /// # Errors
     ///
-    /// When the scene of an episode cannot be built, or a network's answers are not numbers any more.
+    /// When the scene of an episode cannot be built, or a network's answers are not numbers any
+    /// more.
     pub fn step(&mut self) -> Result<StepLog> {
         // Lines 4 and 5: for each iteration, for each environment step t.
         let mut episode = self.running_episode()?;
@@ -146,8 +162,8 @@ impl<E: Environment> Trainer<E> {
         let seen = self.agent.attended(&observation);
         // Line 7: g_t ← Q_θ(o_t).
         let goal = self.goal(&seen)?;
-        // Lines 8–11: ξ^m ← f_m(z_t, g_t, M); ξ^b ← f_b(z_t, g_t, B); ξ^π ← π(o_t, g_t) if valid; Ξ ← all of them.
-        // Line 12: ξ* ← argmax Q^R(Ξ).
+        // Lines 8–11: ξ^m ← f_m(z_t, g_t, M); ξ^b ← f_b(z_t, g_t, B); ξ^π ← π(o_t, g_t) if valid; Ξ
+        // ← all of them. Line 12: ξ* ← argmax Q^R(Ξ).
         let action = self.agent.act(&observation, goal, self.draws())?;
         // Line 13: o_{t+1}, r ← env.step(ξ*).
         let result = execute(&mut self.environment, self.run.poses, &action);
@@ -155,7 +171,8 @@ impl<E: Environment> Trainer<E> {
         episode.push(&action, &observation, seen, &result);
         self.progress.env_steps += 1;
         let ended = self.store_if_ended(episode, &result)?;
-        // Lines 15–22: end for; for each gradient step: update Q_θ, μ ← μ - λ ∇J_π, σ ← σ - λ ∇J_R, σ' ← τσ + (1-τ)σ'.
+        // Lines 15–22: end for; for each gradient step: update Q_θ, μ ← μ - λ ∇J_π, σ ← σ - λ ∇J_R,
+        // σ' ← τσ + (1-τ)σ'.
         let updates = self.gradient_steps()?;
         Ok(self.log(action, result, ended, &updates))
     }
@@ -166,7 +183,8 @@ impl<E: Environment> Trainer<E> {
         if self.learner.n_transitions() < settings.transitions_before_updates {
             return Ok(updates);
         }
-        let (n_q_attention, n_paths) = (settings.q_attention_updates_per_step, settings.path_updates_per_step);
+        let (n_q_attention, n_paths) =
+            (settings.q_attention_updates_per_step, settings.path_updates_per_step);
         for _ in 0..n_q_attention {
             updates.q_attention.extend(self.update_q_attention()?);
         }
@@ -207,7 +225,11 @@ impl<E: Environment> Trainer<E> {
     }
 
     /// Line 14 for a whole episode.
-    fn store_if_ended(&mut self, mut episode: Episode, last: &StepResult) -> Result<Option<EpisodeLog>> {
+    fn store_if_ended(
+        &mut self,
+        mut episode: Episode,
+        last: &StepResult,
+    ) -> Result<Option<EpisodeLog>> {
         if !last.terminated && !last.truncated {
             self.episode = Some(episode);
             return Ok(None);
@@ -219,11 +241,13 @@ impl<E: Environment> Trainer<E> {
         episode.store(&self.agent, &mut self.learner);
         let log = episode.log(self.progress.episodes, last, self.config.ranker.discount);
         self.progress.episodes += 1;
-        self.progress.successes_in_a_row = if log.success { self.progress.successes_in_a_row + 1 } else { 0 };
+        self.progress.successes_in_a_row =
+            if log.success { self.progress.successes_in_a_row + 1 } else { 0 };
         Ok(Some(log))
     }
 
-    /// What the agent would do after the last step of an episode that was cut off: what its value bootstraps from.
+    /// What the agent would do after the last step of an episode that was cut off: what its value
+    /// bootstraps from.
     fn decide_once_more(&mut self, episode: &mut Episode) -> Result<()> {
         /// Numbers of the draws that no environment step takes.
         const AFTER_THE_END: u64 = 1 << 39;
@@ -231,13 +255,20 @@ impl<E: Environment> Trainer<E> {
         let seen = self.agent.attended(&observation);
         // A demonstrator may have no further pose: then nothing follows.
         let Ok(goal) = self.goal(&seen) else { return Ok(()) };
-        let streams = CandidateStreams { seed: self.run.seed, step: AFTER_THE_END | self.progress.env_steps };
+        let streams =
+            CandidateStreams { seed: self.run.seed, step: AFTER_THE_END | self.progress.env_steps };
         let action = self.agent.act(&observation, goal, Draws::greedy(streams))?;
         episode.push_next(&action, &observation, seen);
         Ok(())
     }
 
-    fn log(&self, action: Action, result: StepResult, episode: Option<EpisodeLog>, updates: &Updates) -> StepLog {
+    fn log(
+        &self,
+        action: Action,
+        result: StepResult,
+        episode: Option<EpisodeLog>,
+        updates: &Updates,
+    ) -> StepLog {
         let mut metrics = Metrics::default();
         log::write_action(&action, &result, &mut metrics);
         if let Some(episode) = &episode {
@@ -292,11 +323,21 @@ impl<E> Trainer<E> {
     }
 }
 
-/// Runs the chosen path (line 13). Without a path the episode ends, and so it does when the demonstrator has no further pose.
-pub(crate) fn execute(environment: &mut impl Environment, poses: PoseSource, action: &Action) -> StepResult {
+/// Runs the chosen path (line 13). Without a path the episode ends, and so it does when the
+/// demonstrator has no further pose.
+pub(crate) fn execute(
+    environment: &mut impl Environment,
+    poses: PoseSource,
+    action: &Action,
+) -> StepResult {
     let result = match action.path() {
         Some(candidate) => environment.step(&candidate.path, action.goal.gripper),
-        None => StepResult { reward: 0.0, terminated: true, truncated: false, invalid: Some(InvalidAction::NoPath) },
+        None => StepResult {
+            reward: 0.0,
+            terminated: true,
+            truncated: false,
+            invalid: Some(InvalidAction::NoPath),
+        },
     };
     let goes_on = !result.terminated && !result.truncated;
     let ends = goes_on && poses == PoseSource::Oracle && environment.demonstrated_goal().is_none();
@@ -305,11 +346,13 @@ pub(crate) fn execute(environment: &mut impl Environment, poses: PoseSource, act
 
 /// The demonstrator's pose, for agents without Q-attention.
 pub(crate) fn demonstrated_goal(environment: &impl Environment) -> Result<Goal> {
-    let missing = || Error::Environment("no demonstrated pose: this world needs learned poses".to_owned());
+    let missing =
+        || Error::Environment("no demonstrated pose: this world needs learned poses".to_owned());
     environment.demonstrated_goal().map(Goal::from).ok_or_else(missing)
 }
 
-/// Scene seed of training episode `episode` of a run with `seed`: never one that an evaluation uses.
+/// Scene seed of training episode `episode` of a run with `seed`: never one that an evaluation
+/// uses.
 #[must_use]
 pub fn training_scene(seed: u64, episode: u64) -> u64 {
     (1 << 32) | u64::from(stream(seed, Stream::Placement, episode).next_u32())
@@ -331,9 +374,16 @@ struct Updates {
 impl Updates {
     fn write(&self, metrics: &mut Metrics) {
         metrics.push_mean("losses/q_attention", self.q_attention.iter().map(|update| update.loss));
-        metrics.push_mean("value/q_attention_target", self.q_attention.iter().map(|update| update.mean_target));
-        metrics.push_mean("losses/ranker", self.paths.iter().filter_map(|update| Some(update.ranker?.0)));
-        metrics.push_mean("td_error", self.paths.iter().filter_map(|update| Some(update.ranker?.1)));
+        metrics.push_mean(
+            "value/q_attention_target",
+            self.q_attention.iter().map(|update| update.mean_target),
+        );
+        metrics.push_mean(
+            "losses/ranker",
+            self.paths.iter().filter_map(|update| Some(update.ranker?.0)),
+        );
+        metrics
+            .push_mean("td_error", self.paths.iter().filter_map(|update| Some(update.ranker?.1)));
         metrics.push_mean("losses/policy", self.paths.iter().filter_map(|update| update.policy));
     }
 }

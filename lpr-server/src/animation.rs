@@ -15,7 +15,8 @@ const CANDIDATES_MS: u32 = 2000;
 const END_MS: u32 = 1500;
 /// Time between two pictures of an execution, milliseconds.
 const PERIOD_MS: u32 = 100;
-/// Control steps from one picture of an execution to the next: 50 ms each, so that it runs at twice its speed.
+/// Control steps from one picture of an execution to the next: 50 ms each, so that it runs at twice
+/// its speed.
 const CONTROL_STEPS: usize = 4;
 
 const INK: [u8; 3] = [38, 42, 50];
@@ -82,9 +83,16 @@ pub fn episode(episode: &EpisodeFile, artist: &mut Artist<'_>) -> Result<Vec<Sho
 }
 
 /// The candidates in the colours of their values, best last, and the chosen one over them.
-fn draw_candidates(artist: &mut Artist<'_>, world: &World, robot: &Robot, step: &EpisodeStep, title: &str) -> Result<Picture> {
+fn draw_candidates(
+    artist: &mut Artist<'_>,
+    world: &World,
+    robot: &Robot,
+    step: &EpisodeStep,
+    title: &str,
+) -> Result<Picture> {
     let scale = ValueScale::of(step);
-    let mut others: Vec<_> = step.candidates.iter().filter(|candidate| candidate.q.is_some()).collect();
+    let mut others: Vec<_> =
+        step.candidates.iter().filter(|candidate| candidate.q.is_some()).collect();
     others.sort_by(|a, b| a.value.partial_cmp(&b.value).unwrap_or(core::cmp::Ordering::Equal));
     let mut lines = Vec::new();
     for candidate in &others {
@@ -95,7 +103,11 @@ fn draw_candidates(artist: &mut Artist<'_>, world: &World, robot: &Robot, step: 
         lines.extend([chosen.restyled(INK, 5.0), chosen.restyled(HALO_RGB, 3.6), chosen]);
     }
     let mut picture = artist.draw(world, &lines)?;
-    let mut caption = vec![(title.to_owned(), INK), (format!("{} candidates", others.len()), INK), (chosen_text(step), INK)];
+    let mut caption = vec![
+        (title.to_owned(), INK),
+        (format!("{} candidates", others.len()), INK),
+        (chosen_text(step), INK),
+    ];
     if let Some(ValueScale { low, high }) = scale {
         caption.push((format!("values {low:.2} to {high:.2}"), INK));
         let top = artist.write(&mut picture, &caption);
@@ -120,13 +132,18 @@ fn chosen_text(step: &EpisodeStep) -> String {
     let Some(chosen) = step.chosen.and_then(|chosen| step.candidates.get(chosen)) else {
         return "no path reaches the pose".to_owned();
     };
-    chosen.value.map_or_else(|| chosen.source.clone(), |value| format!("{}, value {value:.2}", chosen.source))
+    chosen.value.map_or_else(
+        || chosen.source.clone(),
+        |value| format!("{}, value {value:.2}", chosen.source),
+    )
 }
 
 fn outcome(episode: &EpisodeFile) -> (String, [u8; 3]) {
     match episode.steps.last() {
         Some(last) if last.reward > 0.0 => ("done".to_owned(), DONE_RGB),
-        Some(EpisodeStep { invalid: Some(invalid), .. }) => (format!("failed: {}", invalid.replace('_', " ")), FAILED_RGB),
+        Some(EpisodeStep { invalid: Some(invalid), .. }) => {
+            (format!("failed: {}", invalid.replace('_', " ")), FAILED_RGB)
+        }
         _ => ("not done".to_owned(), FAILED_RGB),
     }
 }
@@ -146,7 +163,11 @@ mod tests {
             candidate.value = candidate.q.as_ref().map(|_| idx as f32 / n_candidates as f32);
         }
         let shown = episode(&file, &mut Artist::quick(BEAUTY, size)).unwrap();
-        let still: Vec<_> = shown.iter().filter(|picture| picture.millis != PERIOD_MS).map(|picture| picture.millis).collect();
+        let still: Vec<_> = shown
+            .iter()
+            .filter(|picture| picture.millis != PERIOD_MS)
+            .map(|picture| picture.millis)
+            .collect();
         let mut expected = vec![CANDIDATES_MS; file.steps.len()];
         expected.push(END_MS);
         assert_eq!(still, expected);

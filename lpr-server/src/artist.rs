@@ -10,8 +10,10 @@ use lpr_core::sim::{SimEnvironment, World};
 
 /// The camera that stands where a visitor would, and is no camera of an agent.
 pub const BEAUTY: &str = "beauty";
-/// Where visitors stand, from the workspace's centre along x and y: before the arm, behind it, and on its other side.
-const VIEWS: [(&str, [f32; 2]); 3] = [(BEAUTY, [1.03, 1.25]), ("beauty_behind", [-1.03, 1.25]), ("beauty_beside", [1.03, -1.25])];
+/// Where visitors stand, from the workspace's centre along x and y: before the arm, behind it, and
+/// on its other side.
+const VIEWS: [(&str, [f32; 2]); 3] =
+    [(BEAUTY, [1.03, 1.25]), ("beauty_behind", [-1.03, 1.25]), ("beauty_beside", [1.03, -1.25])];
 /// Samples per pixel along each side.
 const SAMPLES: usize = 3;
 /// Rows of a picture for each pixel of a line's width, and of a letter's dots.
@@ -46,7 +48,12 @@ impl Line {
         /// Close enough to look curved where the arm's joints make a curve.
         const N_POINTS: usize = 120;
         let n_points = N_POINTS.max(path.configs().len());
-        let points = path.subdivide(n_points).configs().iter().map(|config| robot.grip(config).translation).collect();
+        let points = path
+            .subdivide(n_points)
+            .configs()
+            .iter()
+            .map(|config| robot.grip(config).translation)
+            .collect();
         Self { points, rgb, width }
     }
 
@@ -99,7 +106,12 @@ impl<'a> Artist<'a> {
     pub fn write(&self, picture: &mut Picture, lines: &[(String, [u8; 3])]) -> i32 {
         let scale = self.scale();
         for (row, (text, rgb)) in (0..).zip(lines) {
-            picture.draw_text([MARGIN * scale, (MARGIN + ROWS_PER_TEXT * row) * scale], text, *rgb, scale as usize);
+            picture.draw_text(
+                [MARGIN * scale, (MARGIN + ROWS_PER_TEXT * row) * scale],
+                text,
+                *rgb,
+                scale as usize,
+            );
         }
         (MARGIN + ROWS_PER_TEXT * lines.len() as i32) * scale
     }
@@ -113,7 +125,8 @@ impl<'a> Artist<'a> {
         let (left, top) = (MARGIN as usize * scale, usize::try_from(top).unwrap_or(0));
         for row in top..(top + n_rows).min(picture.height) {
             for column in 0..n_columns.min(picture.width.saturating_sub(left)) {
-                picture.rgb[row * picture.width + left + column] = color(column as f32 / (n_columns - 1) as f32);
+                picture.rgb[row * picture.width + left + column] =
+                    color(column as f32 / (n_columns - 1) as f32);
             }
         }
     }
@@ -139,10 +152,12 @@ impl<'a> Artist<'a> {
     }
 }
 
-/// The first of the visitors' cameras that looks at what a hand approaches along `approach`, and not at its back.
+/// The first of the visitors' cameras that looks at what a hand approaches along `approach`, and
+/// not at its back.
 #[must_use]
 pub fn view_of(approach: Vec3) -> &'static str {
-    /// Cosine of the angle between approach and view, times the view's length, from which the back is seen.
+    /// Cosine of the angle between approach and view, times the view's length, from which the back
+    /// is seen.
     const BACK: f32 = 0.3;
     let shows_the_front = |[x, y]: [f32; 2]| x * approach.x + y * approach.y < BACK;
     VIEWS.into_iter().find(|(_, at)| shows_the_front(*at)).map_or(BEAUTY, |(name, _)| name)
@@ -150,13 +165,19 @@ pub fn view_of(approach: Vec3) -> &'static str {
 
 /// A view over the whole arm and the workspace from one side: of a larger arm from farther away.
 fn beauty(name: &str, [x, y]: [f32; 2], robot: &Robot) -> Camera {
-    /// Distance of the workspace's centre from the base for which the numbers below are, metres: the xArm7's.
+    /// Distance of the workspace's centre from the base for which the numbers below are, metres:
+    /// the xArm7's.
     const REACH: f32 = 0.38;
     let center = robot.workspace_center.extend(0.0);
     // Half of it: a larger arm may fill more of the picture.
     let scale = 0.5 + 0.5 * center.x / REACH;
     let position = center + scale * Vec3::new(x, y, 0.95);
-    Camera::looking_at(name, position, center + scale * Vec3::new(-0.17, 0.0, 0.31), 37_f32.to_radians())
+    Camera::looking_at(
+        name,
+        position,
+        center + scale * Vec3::new(-0.17, 0.0, 0.31),
+        37_f32.to_radians(),
+    )
 }
 
 #[cfg(test)]

@@ -1,4 +1,5 @@
-//! Episode files, `NAME.episode.json.gz`: what was decided in one episode, and all that is needed to run it again.
+//! Episode files, `NAME.episode.json.gz`: what was decided in one episode, and all that is needed
+//! to run it again.
 
 use crate::files::{self, FileError, Result};
 use crate::formats::PoseJson;
@@ -86,7 +87,11 @@ impl EpisodeFile {
     /// # Errors
     ///
     /// When the scene cannot be built, or a network's answer is not a number.
-    pub fn record(agent: &Agent, environment: &mut SimEnvironment, scene_seed: u64) -> lpr_core::Result<Self> {
+    pub fn record(
+        agent: &Agent,
+        environment: &mut SimEnvironment,
+        scene_seed: u64,
+    ) -> lpr_core::Result<Self> {
         let steps = record_episode(agent, environment, scene_seed)?;
         let world = environment.world();
         Ok(Self {
@@ -96,7 +101,10 @@ impl EpisodeFile {
             scene_seed,
             simulator: world.params().clone(),
             timing: environment.timing().clone(),
-            steps: steps.iter().map(|RecordedStep { action, result }| EpisodeStep::new(action, result)).collect(),
+            steps: steps
+                .iter()
+                .map(|RecordedStep { action, result }| EpisodeStep::new(action, result))
+                .collect(),
             world_hash: hex(world.hash()),
         })
     }
@@ -114,7 +122,8 @@ impl EpisodeFile {
     ///
     /// # Errors
     ///
-    /// When the file is missing, corrupt, foreign or newer than this program: one line that names the file and the field.
+    /// When the file is missing, corrupt, foreign or newer than this program: one line that names
+    /// the file and the field.
     pub fn read(path: &Path) -> Result<Self> {
         let episode: Self = files::read_versioned_json(path, EPISODE_VERSION)?;
         episode.check().map_err(|reason| FileError::content(path, reason))?;
@@ -126,9 +135,14 @@ impl EpisodeFile {
         self.scene.check().map_err(|error| format!("scene: {error}"))?;
         self.check_numbers()?;
         if self.steps.is_empty() || self.steps.len() > EPISODE_LENGTH {
-            return Err(format!("steps: expected 1 to {EPISODE_LENGTH}, found {}", self.steps.len()));
+            return Err(format!(
+                "steps: expected 1 to {EPISODE_LENGTH}, found {}",
+                self.steps.len()
+            ));
         }
-        self.steps.iter().enumerate().try_for_each(|(idx, step)| step.check().map_err(|reason| format!("steps[{idx}].{reason}")))
+        self.steps.iter().enumerate().try_for_each(|(idx, step)| {
+            step.check().map_err(|reason| format!("steps[{idx}].{reason}"))
+        })
     }
 
     /// Numbers with which the world would never end, or not move at all.
@@ -136,10 +150,22 @@ impl EpisodeFile {
         let (simulator, timing) = (&self.simulator, &self.timing);
         let rules = [
             ((1e-4..=0.1).contains(&simulator.dt), "simulator.dt: expected 0.0001 to 0.1 s"),
-            ((simulator.dt..=1.0).contains(&simulator.control_dt), "simulator.control_dt: expected dt to 1 s"),
-            ((1..=1000).contains(&simulator.solver_iterations), "simulator.solver_iterations: expected 1 to 1000"),
-            ((0.01..=100.0).contains(&timing.max_velocity), "timing.max_velocity: expected 0.01 to 100 rad/s"),
-            ((0.01..=1000.0).contains(&timing.max_acceleration), "timing.max_acceleration: expected 0.01 to 1000 rad/s²"),
+            (
+                (simulator.dt..=1.0).contains(&simulator.control_dt),
+                "simulator.control_dt: expected dt to 1 s",
+            ),
+            (
+                (1..=1000).contains(&simulator.solver_iterations),
+                "simulator.solver_iterations: expected 1 to 1000",
+            ),
+            (
+                (0.01..=100.0).contains(&timing.max_velocity),
+                "timing.max_velocity: expected 0.01 to 100 rad/s",
+            ),
+            (
+                (0.01..=1000.0).contains(&timing.max_acceleration),
+                "timing.max_acceleration: expected 0.01 to 1000 rad/s²",
+            ),
         ];
         rules.iter().find(|(holds, _)| !holds).map_or(Ok(()), |(_, rule)| Err((*rule).to_owned()))
     }
@@ -159,12 +185,14 @@ impl EpisodeFile {
     ///
     /// When the scene cannot be built.
     pub fn start(&self) -> lpr_core::Result<SimEnvironment> {
-        let mut environment = SimEnvironment::in_scene(self.scene.clone(), self.robot()?, &self.simulator)?;
+        let mut environment =
+            SimEnvironment::in_scene(self.scene.clone(), self.robot()?, &self.simulator)?;
         environment.set_timing(self.timing.clone());
         Ok(environment)
     }
 
-    /// Runs the chosen paths again; `on_world` sees the index of the step and the world after every control step.
+    /// Runs the chosen paths again; `on_world` sees the index of the step and the world after every
+    /// control step.
     ///
     /// # Errors
     ///
@@ -174,7 +202,8 @@ impl EpisodeFile {
         let mut same_rewards = true;
         for (idx, step) in self.steps.iter().enumerate() {
             let Some(path) = step.chosen_path()? else { continue };
-            let result = environment.step_recorded(&path, step.gripper, |world| on_world(idx, world));
+            let result =
+                environment.step_recorded(&path, step.gripper, |world| on_world(idx, world));
             same_rewards &= result.reward == step.reward;
         }
         let world_hash = hex(environment.world().hash());
@@ -186,7 +215,8 @@ impl EpisodeStep {
     fn new(action: &Action, result: &StepResult) -> Self {
         let value = |idx: usize| action.values.as_ref().and_then(|values| values.get(idx)).copied();
         let admitted = action.set.candidates.iter().enumerate();
-        let admitted = admitted.map(|(idx, candidate)| EpisodeCandidate::admitted(candidate, value(idx)));
+        let admitted =
+            admitted.map(|(idx, candidate)| EpisodeCandidate::admitted(candidate, value(idx)));
         let rejected = action.set.rejected.iter().map(EpisodeCandidate::rejected);
         Self {
             goal: PoseJson::from(DPose3::from(action.goal.pose)),
@@ -206,7 +236,9 @@ impl EpisodeStep {
             candidate.path().map_err(|error| format!("candidates[{idx}].q: {error}"))?;
         }
         match self.chosen {
-            Some(chosen) if self.candidates.get(chosen).is_none_or(|candidate| candidate.q.is_none()) => {
+            Some(chosen)
+                if self.candidates.get(chosen).is_none_or(|candidate| candidate.q.is_none()) =>
+            {
                 Err(format!("chosen: {chosen} is no candidate with a path"))
             }
             _ => Ok(()),
@@ -219,7 +251,9 @@ impl EpisodeStep {
     ///
     /// When it has fewer than two configurations, or one that is not finite.
     pub fn chosen_path(&self) -> lpr_core::Result<Option<JointPath>> {
-        self.chosen.and_then(|chosen| self.candidates.get(chosen)).map_or(Ok(None), EpisodeCandidate::path)
+        self.chosen
+            .and_then(|chosen| self.candidates.get(chosen))
+            .map_or(Ok(None), EpisodeCandidate::path)
     }
 }
 
@@ -236,7 +270,13 @@ impl EpisodeCandidate {
 
     fn rejected(rejected: &RejectedPath) -> Self {
         let reason = Some(rejected.reason.name().to_owned());
-        Self { source: rejected.source.name().to_owned(), q: None, value: None, collides: None, rejected: reason }
+        Self {
+            source: rejected.source.name().to_owned(),
+            q: None,
+            value: None,
+            collides: None,
+            rejected: reason,
+        }
     }
 
     /// The path; none of a rejected draw.
@@ -268,10 +308,12 @@ pub(crate) mod tests {
         config.candidates.planner_paths = 3;
         config.candidates.bezier_paths = 3;
         let init = Init { backend: Backend::Flex, seed: 0 };
-        let networks = Networks::new(&config, &XARM7, Method::ShortestFree, PoseSource::Oracle, init).unwrap();
+        let networks =
+            Networks::new(&config, &XARM7, Method::ShortestFree, PoseSource::Oracle, init).unwrap();
         let agent = Agent::new(&config, &XARM7, Method::ShortestFree, networks);
         let task = Task::by_name(task).unwrap();
-        let mut environment = SimEnvironment::new(task, &XARM7, seed, &["front"], &config.simulator).unwrap();
+        let mut environment =
+            SimEnvironment::new(task, &XARM7, seed, &["front"], &config.simulator).unwrap();
         environment.set_timing(config.timing.clone());
         EpisodeFile::record(&agent, &mut environment, seed).unwrap()
     }
@@ -312,18 +354,37 @@ pub(crate) mod tests {
             let error = EpisodeFile::read(&path).unwrap_err().to_string();
             error.strip_prefix(&format!("{}: ", path.display())).unwrap().to_owned()
         };
-        assert!(refusal(&|file| file.version = 2).contains("version: 2 is unknown, this program reads version 1"));
+        assert!(
+            refusal(&|file| file.version = 2)
+                .contains("version: 2 is unknown, this program reads version 1")
+        );
         assert!(refusal(&|file| file.robot = "ur5".to_owned()).starts_with("robot: "));
         assert!(refusal(&|file| file.scene.bodies[0].mass = -1.0).starts_with("scene: "));
-        assert_eq!(refusal(&|file| file.steps[0].chosen = Some(999)), "steps[0].chosen: 999 is no candidate with a path");
-        assert!(refusal(&|file| file.steps[0].candidates[0].q = Some(Vec::new())).starts_with("steps[0].candidates[0].q: "));
+        assert_eq!(
+            refusal(&|file| file.steps[0].chosen = Some(999)),
+            "steps[0].chosen: 999 is no candidate with a path"
+        );
+        assert!(
+            refusal(&|file| file.steps[0].candidates[0].q = Some(Vec::new()))
+                .starts_with("steps[0].candidates[0].q: ")
+        );
         assert!(refusal(&|file| file.steps.clear()).starts_with("steps: expected 1 to 10"));
         assert!(refusal(&|file| file.simulator.dt = 0.0).starts_with("simulator.dt"));
         good.write(&path).unwrap();
         let bytes = std::fs::read(&path).unwrap();
         std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
-        assert!(EpisodeFile::read(&path).unwrap_err().to_string().starts_with(&path.display().to_string()));
+        assert!(
+            EpisodeFile::read(&path)
+                .unwrap_err()
+                .to_string()
+                .starts_with(&path.display().to_string())
+        );
         std::fs::write(&path, b"no gzip").unwrap();
-        assert!(EpisodeFile::read(&path).unwrap_err().to_string().starts_with(&path.display().to_string()));
+        assert!(
+            EpisodeFile::read(&path)
+                .unwrap_err()
+                .to_string()
+                .starts_with(&path.display().to_string())
+        );
     }
 }

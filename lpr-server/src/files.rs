@@ -11,7 +11,8 @@ use std::io::{self, BufReader, BufWriter, Read as _, Write};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
-/// Most bytes of JSON that are read from one file, after decompression: 256 MiB, 25 times a long demonstration with images.
+/// Most bytes of JSON that are read from one file, after decompression: 256 MiB, 25 times a long
+/// demonstration with images.
 pub const MAX_JSON_BYTES: u64 = 256 << 20;
 
 /// How names of files and directories end that are not whole yet.
@@ -62,20 +63,29 @@ impl FileError {
     }
 }
 
-/// Writes a file through a sibling that is synced and renamed: readers see the old content or all of the new.
+/// Writes a file through a sibling that is synced and renamed: readers see the old content or all
+/// of the new.
 ///
 /// # Errors
 ///
-/// When the disk is full or `path` cannot be written; nothing is left behind and an older file stays as it was.
-pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
+/// When the disk is full or `path` cannot be written; nothing is left behind and an older file
+/// stays as it was.
+pub fn write_atomically(
+    path: &Path,
+    fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<()> {
     replace_file(path, fill).map_err(FileError::io("write", path))
 }
 
-fn replace_file(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+fn replace_file(
+    path: &Path,
+    fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> io::Result<()> {
     let directory = parent(path);
     let mut builder = tempfile::Builder::new();
     builder.prefix(".").suffix(PARTIAL);
-    // The default of 0600 would make results unreadable to others; the process's umask applies to this one.
+    // The default of 0600 would make results unreadable to others; the process's umask applies to
+    // this one.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     let partial = builder.tempfile_in(directory)?;
@@ -88,11 +98,13 @@ fn replace_file(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>
     sync_directory(directory)
 }
 
-/// Makes `path` a directory with the files that `fill` writes into the directory it is given: all of them or none.
+/// Makes `path` a directory with the files that `fill` writes into the directory it is given: all
+/// of them or none.
 ///
 /// # Errors
 ///
-/// When `path` exists and is not an empty directory, cannot be created, or `fill` fails; nothing is left behind.
+/// When `path` exists and is not an empty directory, cannot be created, or `fill` fails; nothing is
+/// left behind.
 pub fn write_directory_atomically<E: From<FileError>>(
     path: &Path,
     fill: impl FnOnce(&Path) -> core::result::Result<(), E>,
@@ -114,7 +126,8 @@ pub fn write_directory_atomically<E: From<FileError>>(
     Ok(())
 }
 
-/// Creates `path` as an output directory that is filled while the program runs; an empty one may exist.
+/// Creates `path` as an output directory that is filled while the program runs; an empty one may
+/// exist.
 ///
 /// # Errors
 ///
@@ -138,7 +151,8 @@ pub fn refuse_non_empty(path: &Path) -> Result<()> {
     }
 }
 
-/// Removes what [`write_atomically`] and [`write_directory_atomically`] left in `directory` when the program was killed in them.
+/// Removes what [`write_atomically`] and [`write_directory_atomically`] left in `directory` when
+/// the program was killed in them.
 ///
 /// # Errors
 ///
@@ -148,7 +162,8 @@ pub fn remove_partial(directory: &Path) -> Result<()> {
         let path = entry.map_err(FileError::io("read", directory))?.path();
         let name = path.file_name().and_then(OsStr::to_str).unwrap_or_default();
         if name.starts_with('.') && name.ends_with(PARTIAL) {
-            let removed = if path.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
+            let removed =
+                if path.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
             removed.map_err(FileError::io("delete", &path))?;
         }
     }
@@ -168,19 +183,24 @@ pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
 ///
 /// # Errors
 ///
-/// As [`read_json`], and when the version is absent or another: that is said before any other field is looked at.
+/// As [`read_json`], and when the version is absent or another: that is said before any other field
+/// is looked at.
 pub fn read_versioned_json<T: DeserializeOwned>(path: &Path, known_version: u32) -> Result<T> {
     let text = read_bounded(path, MAX_JSON_BYTES)?;
     match parse_json::<VersionOnly>(path, &text)?.version {
         Some(version) if version == u64::from(known_version) => parse_json(path, &text),
-        Some(version) => {
-            Err(FileError::content(path, format!("version: {version} is unknown, this program reads version {known_version}")))
+        Some(version) => Err(FileError::content(
+            path,
+            format!("version: {version} is unknown, this program reads version {known_version}"),
+        )),
+        None => {
+            Err(FileError::content(path, format!("version: is missing, expected {known_version}")))
         }
-        None => Err(FileError::content(path, format!("version: is missing, expected {known_version}"))),
     }
 }
 
-/// Writes `value` as one line of JSON, atomically; a name that ends in `.gz` is compressed. The same value gives the same bytes.
+/// Writes `value` as one line of JSON, atomically; a name that ends in `.gz` is compressed. The
+/// same value gives the same bytes.
 ///
 /// # Errors
 ///
@@ -208,7 +228,10 @@ fn parse_json<T: DeserializeOwned>(path: &Path, text: &[u8]) -> Result<T> {
     let value = serde_path_to_error::deserialize(&mut deserializer).map_err(|error| {
         let field = error.path().to_string();
         let reason = error.into_inner();
-        FileError::content(path, if field == "." { reason.to_string() } else { format!("{field}: {reason}") })
+        FileError::content(
+            path,
+            if field == "." { reason.to_string() } else { format!("{field}: {reason}") },
+        )
     })?;
     deserializer.end().map_err(|error| FileError::content(path, error.to_string()))?;
     Ok(value)
@@ -260,8 +283,10 @@ mod tests {
     }
 
     fn names(directory: &Path) -> Vec<String> {
-        let mut names: Vec<_> =
-            fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        let mut names: Vec<_> = fs::read_dir(directory)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
         names.sort();
         names
     }
@@ -275,8 +300,13 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("summary.json");
         write_atomically(&path, |writer| writer.write_all(b"old")).unwrap();
-        let error = write_atomically(&path, |writer| writer.write_all(b"half").and(Err(disk_full()))).unwrap_err();
-        assert!(error.to_string().starts_with(&format!("{}: cannot write: ", path.display())), "{error}");
+        let error =
+            write_atomically(&path, |writer| writer.write_all(b"half").and(Err(disk_full())))
+                .unwrap_err();
+        assert!(
+            error.to_string().starts_with(&format!("{}: cannot write: ", path.display())),
+            "{error}"
+        );
         assert_eq!(fs::read(&path).unwrap(), b"old");
         assert_eq!(names(directory.path()), ["summary.json"]);
     }
@@ -328,7 +358,8 @@ mod tests {
         let empty = root.path().join("empty");
         fs::create_dir(&empty).unwrap();
         create_output_directory(&empty).unwrap();
-        write_directory_atomically(&empty, |partial| write_json(&partial.join("a.json"), &1)).unwrap();
+        write_directory_atomically(&empty, |partial| write_json(&partial.join("a.json"), &1))
+            .unwrap();
         assert!(create_output_directory(&empty).is_err());
         assert!(create_output_directory(&empty.join("a.json")).is_err());
     }
@@ -336,7 +367,8 @@ mod tests {
     #[test]
     fn json_round_trips_bit_for_bit_compressed_and_not() {
         let directory = tempfile::tempdir().unwrap();
-        let record = Record { version: 1, angles: vec![0.1, -core::f32::consts::PI, f32::MIN_POSITIVE] };
+        let record =
+            Record { version: 1, angles: vec![0.1, -core::f32::consts::PI, f32::MIN_POSITIVE] };
         for name in ["a.json", "a.json.gz"] {
             let path = directory.path().join(name);
             write_json(&path, &record).unwrap();
@@ -355,9 +387,15 @@ mod tests {
             let message = read_versioned_json::<Record>(&path, 1).unwrap_err().to_string();
             message.strip_prefix(&format!("{}: ", path.display())).unwrap().to_owned()
         };
-        assert_eq!(message(r#"{"version": 2, "new": 0}"#), "version: 2 is unknown, this program reads version 1");
+        assert_eq!(
+            message(r#"{"version": 2, "new": 0}"#),
+            "version: 2 is unknown, this program reads version 1"
+        );
         assert_eq!(message(r#"{"angles": []}"#), "version: is missing, expected 1");
-        assert!(message(r#"{"version": 1, "angles": [0, "x"]}"#).starts_with("angles[1]: invalid type: string"));
+        assert!(
+            message(r#"{"version": 1, "angles": [0, "x"]}"#)
+                .starts_with("angles[1]: invalid type: string")
+        );
         assert!(message(r#"{"version": 1, "angels": []}"#).contains("unknown field `angels`"));
         assert!(message(r#"{"version": 1, "angles": []} x"#).starts_with("trailing characters"));
         assert!(message("").starts_with("EOF"));

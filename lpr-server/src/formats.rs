@@ -1,4 +1,5 @@
-//! JSON of poses, configurations, demonstrations and tasks, as every command and the API read and print them.
+//! JSON of poses, configurations, demonstrations and tasks, as every command and the API read and
+//! print them.
 
 use crate::files::{self, FileError, Result};
 use lpr_core::glamx::{DPose3, DQuat, DVec3};
@@ -119,8 +120,9 @@ struct PoseEntry {
 
 impl PoseEntry {
     fn checked(self, path: &Path, idx: usize) -> Result<PoseQuery> {
-        let rotation = unit_quaternion(self.rotation_xyzw)
-            .map_err(|reason| FileError::content(path, format!("poses[{idx}].rotation_xyzw: {reason}")))?;
+        let rotation = unit_quaternion(self.rotation_xyzw).map_err(|reason| {
+            FileError::content(path, format!("poses[{idx}].rotation_xyzw: {reason}"))
+        })?;
         let world_from_flange = DPose3::from_parts(DVec3::from_array(self.position), rotation);
         Ok(PoseQuery { world_from_flange, seed_config: self.seed_config })
     }
@@ -140,7 +142,8 @@ pub(crate) fn unit_quaternion(xyzw: [f64; 4]) -> core::result::Result<DQuat, Str
 /// Version of [`DemoFile`].
 pub const DEMO_VERSION: u32 = 1;
 
-/// A demonstration, `NAME.demo.json.gz`. Simulated ones hold no observations: those are rendered again from the scene.
+/// A demonstration, `NAME.demo.json.gz`. Simulated ones hold no observations: those are rendered
+/// again from the scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DemoFile {
@@ -156,7 +159,8 @@ pub struct DemoFile {
     /// Seed of the scene.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub scene_seed: Option<u64>,
-    /// Time from one frame to the next, seconds; a gripper command takes one frame, however long it lasts.
+    /// Time from one frame to the next, seconds; a gripper command takes one frame, however long it
+    /// lasts.
     pub control_dt: f32,
     /// Whether the task was done.
     pub success: bool,
@@ -205,13 +209,19 @@ impl DemoFile {
             scene_seed: Some(scene_seed),
             control_dt,
             success: demo.success,
-            frames: demo.frames.iter().zip(nexts).map(|(frame, next)| DemoFrameJson::new(frame, next, control_dt)).collect(),
+            frames: demo
+                .frames
+                .iter()
+                .zip(nexts)
+                .map(|(frame, next)| DemoFrameJson::new(frame, next, control_dt))
+                .collect(),
         }
     }
 }
 
 impl DemoFrameJson {
-    /// The arm in `world`; its velocities from where it is in `next`, so that an arm that waits for its gripper has none.
+    /// The arm in `world`; its velocities from where it is in `next`, so that an arm that waits for
+    /// its gripper has none.
     fn new(world: &World, next: &World, control_dt: f32) -> Self {
         let (q, width) = (*world.config(), world.gripper_width());
         Self {
@@ -246,7 +256,10 @@ mod tests {
         fs::write(&path, text).unwrap();
         read(&path).map_err(|error| {
             let error = error.to_string();
-            error.strip_prefix(&format!("{}: ", path.display())).unwrap_or_else(|| panic!("{error}")).to_owned()
+            error
+                .strip_prefix(&format!("{}: ", path.display()))
+                .unwrap_or_else(|| panic!("{error}"))
+                .to_owned()
         })
     }
 

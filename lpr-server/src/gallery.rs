@@ -1,4 +1,5 @@
-//! Every task as a picture and as a short animation of its demonstration, and a page that lists them.
+//! Every task as a picture and as a short animation of its demonstration, and a page that lists
+//! them.
 
 use crate::artist::{Artist, Size, view_of};
 use crate::files::{self, FileError};
@@ -16,7 +17,8 @@ use std::path::Path;
 
 const PICTURE: Size = Size { width: 320, height: 240 };
 const ANIMATION: Size = PICTURE;
-/// Control steps from one picture of an animation to the next: 50 ms each, so that it runs at twice its speed.
+/// Control steps from one picture of an animation to the next: 50 ms each, so that it runs at twice
+/// its speed.
 const CONTROL_STEPS: usize = 4;
 /// Time between two pictures of an animation, milliseconds.
 const PERIOD_MS: u32 = 100;
@@ -59,24 +61,41 @@ pub fn draw(directory: &Path) -> Result<Vec<Entry>, GalleryError> {
     let rows: Vec<_> = TaskList::all().tasks;
     let robots = ROBOTS.into_iter().cycle();
     let wanted: Vec<_> = TASKS.into_iter().zip(rows).zip(robots).collect();
-    wanted.into_par_iter().map(|((task, row), robot)| draw_task(directory, task, row, robot)).collect()
+    wanted
+        .into_par_iter()
+        .map(|((task, row), robot)| draw_task(directory, task, row, robot))
+        .collect()
 }
 
-fn draw_task(directory: &Path, task: &'static Task, row: TaskRow, robot: &'static Robot) -> Result<Entry, GalleryError> {
+fn draw_task(
+    directory: &Path,
+    task: &'static Task,
+    row: TaskRow,
+    robot: &'static Robot,
+) -> Result<Entry, GalleryError> {
     let (seed, demo) = demonstration(task, robot)?;
     let camera = view_of(grasp_direction(&demo));
     let picture = Artist::new(camera, PICTURE).draw(&demo.frames[0], &[])?;
     let path = directory.join(format!("{}.png", task.name));
     images::write_png(&path, PICTURE.width.into(), PICTURE.height.into(), &picture.rgb)?;
     let path = directory.join(format!("{}.gif", task.name));
-    images::write_gif_of_changes(&path, ANIMATION.width, ANIMATION.height, &animation(&demo, camera)?)?;
+    images::write_gif_of_changes(
+        &path,
+        ANIMATION.width,
+        ANIMATION.height,
+        &animation(&demo, camera)?,
+    )?;
     Ok(Entry { row, robot: robot.name, seed })
 }
 
 /// The first demonstration that succeeds, with the seed of its scene.
-fn demonstration(task: &'static Task, robot: &'static Robot) -> Result<(u64, Demonstration), GalleryError> {
+fn demonstration(
+    task: &'static Task,
+    robot: &'static Robot,
+) -> Result<(u64, Demonstration), GalleryError> {
     for seed in 0..MAX_SEEDS {
-        let mut environment = SimEnvironment::new(task, robot, seed, &["front"], &SimParams::STANDARD)?;
+        let mut environment =
+            SimEnvironment::new(task, robot, seed, &["front"], &SimParams::STANDARD)?;
         let demo = demonstrate(&mut environment, &mut stream(seed, Stream::Demo, 0));
         if demo.success {
             return Ok((seed, demo));
@@ -85,7 +104,8 @@ fn demonstration(task: &'static Task, robot: &'static Robot) -> Result<(u64, Dem
     Err(GalleryError::NoDemonstration(task.name))
 }
 
-/// Where the hand looks when it has reached the second keyframe, which grasps or pushes, or the only one.
+/// Where the hand looks when it has reached the second keyframe, which grasps or pushes, or the
+/// only one.
 fn grasp_direction(demo: &Demonstration) -> Vec3 {
     let frames = &demo.waypoint_frames;
     let world = &demo.frames[frames[frames.len().min(2) - 1]];
@@ -120,7 +140,9 @@ fn page(directory: &str, entries: &[Entry]) -> String {
         The arms take turns.\n\n\
         | task | scene | demonstration |\n| --- | --- | --- |\n"
         .to_owned();
-    for Entry { row: TaskRow { name, set, description, keyframes, variations }, robot, seed } in entries {
+    for Entry { row: TaskRow { name, set, description, keyframes, variations }, robot, seed } in
+        entries
+    {
         let picture = |extension: &str| format!("![{name}]({directory}/{name}.{extension})");
         let plural = if *keyframes == 1 { "" } else { "s" };
         let set = if *set == "extra" { "Further task".to_owned() } else { format!("Set {set}") };
@@ -128,8 +150,11 @@ fn page(directory: &str, entries: &[Entry]) -> String {
             0 => String::new(),
             n => format!(", {n} variations"),
         };
-        let about = format!("{description}<br>{set}, {keyframes} keyframe{plural}{others}; {robot}, scene {seed}.");
-        writeln!(page, "| `{name}`<br>{about} | {} | {} |", picture("png"), picture("gif")).expect("a string takes any text");
+        let about = format!(
+            "{description}<br>{set}, {keyframes} keyframe{plural}{others}; {robot}, scene {seed}."
+        );
+        writeln!(page, "| `{name}`<br>{about} | {} | {} |", picture("png"), picture("gif"))
+            .expect("a string takes any text");
     }
     page
 }
@@ -144,10 +169,16 @@ mod tests {
         let entries: Vec<_> = rows.map(|(row, seed)| Entry { row, robot: "panda", seed }).collect();
         let page = page("shots", &entries);
         for task in TASKS {
-            assert!(page.contains(&format!("](shots/{}.png)", task.name)) && page.contains(&task.describe(0)));
+            assert!(
+                page.contains(&format!("](shots/{}.png)", task.name))
+                    && page.contains(&task.describe(0))
+            );
             assert!(page.contains(&format!("](shots/{}.gif)", task.name)));
         }
-        assert!(page.contains("1 keyframe, 7 variations; panda, scene 0.") && page.contains("4 keyframes; panda, scene 3."));
+        assert!(
+            page.contains("1 keyframe, 7 variations; panda, scene 0.")
+                && page.contains("4 keyframes; panda, scene 3.")
+        );
     }
 
     #[test]
@@ -157,11 +188,18 @@ mod tests {
             let row = TaskList::all().tasks.remove(0);
             let entry = draw_task(directory.path(), TASKS[0], row, ROBOTS[0]).unwrap();
             assert_eq!((entry.robot, entry.seed), (ROBOTS[0].name, 0));
-            ["png", "gif"]
-                .map(|extension| std::fs::read(directory.path().join(format!("{}.{extension}", TASKS[0].name))).unwrap())
+            ["png", "gif"].map(|extension| {
+                std::fs::read(directory.path().join(format!("{}.{extension}", TASKS[0].name)))
+                    .unwrap()
+            })
         };
         let [picture, animation] = drawn();
         assert_eq!(drawn(), [picture.clone(), animation.clone()]);
-        assert!(picture.len() < 150_000 && animation.len() < 300_000, "{} and {}", picture.len(), animation.len());
+        assert!(
+            picture.len() < 150_000 && animation.len() < 300_000,
+            "{} and {}",
+            picture.len(),
+            animation.len()
+        );
     }
 }

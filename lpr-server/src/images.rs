@@ -70,7 +70,10 @@ fn check_frames(path: &Path, width: u16, height: u16, frames: &[Shown]) -> Resul
 
 fn check_size(path: &Path, width: u32, height: u32, pixels: &[[u8; 3]]) -> Result<()> {
     if pixels.is_empty() || pixels.len() as u64 != u64::from(width) * u64::from(height) {
-        return Err(FileError::content(path, format!("{} pixels are no picture of {width} × {height}", pixels.len())));
+        return Err(FileError::content(
+            path,
+            format!("{} pixels are no picture of {width} × {height}", pixels.len()),
+        ));
     }
     Ok(())
 }
@@ -98,7 +101,9 @@ mod tests {
 
     /// Fewer than 256 colours, so that a palette holds them all.
     fn gradient(width: u32, height: u32) -> Vec<[u8; 3]> {
-        (0..width * height).map(|idx| [(idx % width) as u8 * 16, (idx / width) as u8 * 16, 7]).collect()
+        (0..width * height)
+            .map(|idx| [(idx % width) as u8 * 16, (idx / width) as u8 * 16, 7])
+            .collect()
     }
 
     #[test]
@@ -107,7 +112,8 @@ mod tests {
         let path = directory.path().join("a.png");
         let image = gradient(16, 5);
         write_png(&path, 16, 5, &image).unwrap();
-        let mut reader = png::Decoder::new(BufReader::new(File::open(&path).unwrap())).read_info().unwrap();
+        let mut reader =
+            png::Decoder::new(BufReader::new(File::open(&path).unwrap())).read_info().unwrap();
         let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
         let info = reader.next_frame(&mut pixels).unwrap();
         assert_eq!((info.width, info.height, info.color_type), (16, 5, png::ColorType::Rgb));
@@ -118,7 +124,8 @@ mod tests {
     fn a_gif_has_its_frames_delay_and_colours() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.gif");
-        let frames = [(vec![[10, 20, 200]; 32], 50), (vec![[10, 20, 200]; 32], 1500), (gradient(8, 4), 50)];
+        let frames =
+            [(vec![[10, 20, 200]; 32], 50), (vec![[10, 20, 200]; 32], 1500), (gradient(8, 4), 50)];
         write_gif(&path, 8, 4, &frames.map(|(pixels, millis)| Shown { pixels, millis })).unwrap();
         let mut options = gif::DecodeOptions::new();
         options.set_color_output(gif::ColorOutput::RGBA);

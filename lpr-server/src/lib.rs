@@ -1,6 +1,8 @@
-//! The `lpr` command line, the server of training jobs, and what both need of the outside world: files, pictures and logs.
+//! The `lpr` command line, the server of training jobs, and what both need of the outside world:
+//! files, pictures and logs.
 //!
-//! [`lpr_core`] does the work and never touches a file; everything here reads its input, calls it and writes the result.
+//! [`lpr_core`] does the work and never touches a file; everything here reads its input, calls it
+//! and writes the result.
 
 pub mod animation;
 pub mod api;

@@ -2,8 +2,8 @@
 
 use std::process::ExitCode;
 
-// An update of the networks takes and returns hundreds of tensors of megabytes. glibc hands each back to the kernel, which clears
-// it again: BENCHMARKS.md.
+// An update of the networks takes and returns hundreds of tensors of megabytes. glibc hands each
+// back to the kernel, which clears it again: BENCHMARKS.md.
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 

@@ -31,7 +31,8 @@ impl MetricsWriter {
         Ok(Self { file, path })
     }
 
-    /// Goes on with the file in `run_directory` after dropping lines later than `last_env_step` and a torn last line.
+    /// Goes on with the file in `run_directory` after dropping lines later than `last_env_step` and
+    /// a torn last line.
     ///
     /// # Errors
     ///
@@ -39,15 +40,21 @@ impl MetricsWriter {
     pub fn resume(run_directory: &Path, last_env_step: u64) -> Result<Self> {
         let path = run_directory.join(FILE_NAME);
         let old = std::fs::read_to_string(&path).map_err(FileError::io("read", &path))?;
-        let kept = |line: &&str| line.ends_with('\n') && env_step(line).is_some_and(|step| step <= last_env_step);
+        let kept = |line: &&str| {
+            line.ends_with('\n') && env_step(line).is_some_and(|step| step <= last_env_step)
+        };
         files::write_atomically(&path, |writer| {
-            old.split_inclusive('\n').filter(kept).try_for_each(|line| writer.write_all(line.as_bytes()))
+            old.split_inclusive('\n')
+                .filter(kept)
+                .try_for_each(|line| writer.write_all(line.as_bytes()))
         })?;
-        let file = OpenOptions::new().append(true).open(&path).map_err(FileError::io("write", &path))?;
+        let file =
+            OpenOptions::new().append(true).open(&path).map_err(FileError::io("write", &path))?;
         Ok(Self { file, path })
     }
 
-    /// Appends one log point; a value that is not finite is written as null, which JSON has instead.
+    /// Appends one log point; a value that is not finite is written as null, which JSON has
+    /// instead.
     ///
     /// # Errors
     ///
@@ -95,7 +102,8 @@ mod tests {
         let run = tempfile::tempdir().unwrap();
         let mut writer = MetricsWriter::create(run.path()).unwrap();
         writer.write(12, &[("losses/ranker", 0.02), ("losses/policy", f64::NAN)]).unwrap();
-        let expected = serde_json::json!({"env_steps": 12, "losses/ranker": 0.02, "losses/policy": null});
+        let expected =
+            serde_json::json!({"env_steps": 12, "losses/ranker": 0.02, "losses/policy": null});
         assert_eq!(lines(run.path()), [expected]);
     }
 
@@ -109,7 +117,8 @@ mod tests {
         writer.file.write_all(br#"{"env_steps": 5, "#).unwrap();
         let mut writer = MetricsWriter::resume(run.path(), 20).unwrap();
         writer.write(21, &[]).unwrap();
-        let steps: Vec<_> = lines(run.path()).iter().map(|line| line[STEP_KEY].as_u64().unwrap()).collect();
+        let steps: Vec<_> =
+            lines(run.path()).iter().map(|line| line[STEP_KEY].as_u64().unwrap()).collect();
         assert_eq!(steps, [10, 20, 21]);
     }
 

@@ -1,4 +1,5 @@
-//! Which worlds of a demonstration are drawn: every so many control steps, its end, and what falls after it.
+//! Which worlds of a demonstration are drawn: every so many control steps, its end, and what falls
+//! after it.
 
 use lpr_core::sim::{Demonstration, World};
 
@@ -14,12 +15,14 @@ pub struct Moment {
     pub world: World,
 }
 
-/// Every `control_steps`-th world of a demonstration, the last among them, then those of a second in which the arm stands still.
+/// Every `control_steps`-th world of a demonstration, the last among them, then those of a second
+/// in which the arm stands still.
 #[must_use]
 pub fn of(demo: &Demonstration, control_steps: usize) -> Vec<Moment> {
     let last = demo.frames.len() - 1;
     let drawn = (last % control_steps..=last).step_by(control_steps);
-    let mut moments: Vec<_> = drawn.map(|frame| Moment { frame, world: demo.frames[frame].clone() }).collect();
+    let mut moments: Vec<_> =
+        drawn.map(|frame| Moment { frame, world: demo.frames[frame].clone() }).collect();
     // Of an arm that was stopped nothing is known to stand still.
     if demo.invalid.is_none() {
         let worlds = resting(&demo.frames[last], control_steps);
@@ -53,7 +56,8 @@ mod tests {
 
     fn demonstration(task: &str) -> Demonstration {
         let task = Task::by_name(task).unwrap();
-        let mut env = SimEnvironment::new(task, &XARM7, 0, &["front"], &SimParams::STANDARD).unwrap();
+        let mut env =
+            SimEnvironment::new(task, &XARM7, 0, &["front"], &SimParams::STANDARD).unwrap();
         demonstrate(&mut env, &mut stream(0, Stream::Demo, 0))
     }
 
@@ -62,8 +66,14 @@ mod tests {
         let demo = demonstration("reach_target");
         let last = demo.frames.len() - 1;
         for control_steps in 1..8 {
-            let frames: Vec<_> = of(&demo, control_steps).iter().map(|moment| moment.frame).collect();
-            assert!(frames.windows(2).all(|pair| pair[1] - pair[0] == control_steps || pair == [last, last]), "{frames:?}");
+            let frames: Vec<_> =
+                of(&demo, control_steps).iter().map(|moment| moment.frame).collect();
+            assert!(
+                frames
+                    .windows(2)
+                    .all(|pair| pair[1] - pair[0] == control_steps || pair == [last, last]),
+                "{frames:?}"
+            );
             let at_rest = frames.iter().filter(|frame| **frame == last).count() - 1;
             assert_eq!(at_rest, 20_usize.div_ceil(control_steps), "a second of 50 ms steps");
         }
@@ -72,8 +82,10 @@ mod tests {
     #[test]
     fn rubbish_has_come_to_rest_on_the_ground_of_its_bin() {
         let moments = of(&demonstration("put_rubbish_in_bin"), 4);
-        let body = moments[0].world.spec().bodies.iter().position(|body| body.name == "rubbish").unwrap();
-        let heights: Vec<_> = moments.iter().map(|moment| moment.world.body_pose(body).translation.z).collect();
+        let body =
+            moments[0].world.spec().bodies.iter().position(|body| body.name == "rubbish").unwrap();
+        let heights: Vec<_> =
+            moments.iter().map(|moment| moment.world.body_pose(body).translation.z).collect();
         let [.., before, end] = heights[..] else { panic!("a demonstration has moments") };
         assert!((before - end).abs() < 1e-3, "it still falls: {before} m, then {end} m");
         assert!(end < 0.1 && heights.iter().any(|height| *height > end + 0.1), "{heights:?}");

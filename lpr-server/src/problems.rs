@@ -7,13 +7,15 @@ use lpr_core::scene::{Primitive, Scene};
 use serde::Deserialize;
 use std::path::Path;
 
-/// Largest length in a file, metres: what is larger is a unit gone wrong, and would overflow where it is squared.
+/// Largest length in a file, metres: what is larger is a unit gone wrong, and would overflow where
+/// it is squared.
 const MAX_LENGTH: f32 = 1000.0;
 
 /// Radius of the ball around a point of a cloud when the file names none, metres.
 const POINT_RADIUS: f32 = 0.01;
 
-/// A file of problems for one arm. Lengths in metres, joints in radians, the arm's base at the origin.
+/// A file of problems for one arm. Lengths in metres, joints in radians, the arm's base at the
+/// origin.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ProblemFile {
@@ -93,7 +95,8 @@ impl Problem {
     ///
     /// # Errors
     ///
-    /// Naming a number that is not finite or more than a kilometre, a size below 0, or a quaternion that is none.
+    /// Naming a number that is not finite or more than a kilometre, a size below 0, or a quaternion
+    /// that is none.
     pub fn scene(&self, path: &Path, idx: usize) -> Result<Scene> {
         let at_fault = |list: &str, i: usize| {
             let field = format!("problems[{idx}].{list}[{i}]");
@@ -117,9 +120,12 @@ impl Problem {
             return Ok(scene);
         }
         let point_radius = self.point_radius.unwrap_or(POINT_RADIUS);
-        size("point_radius", point_radius).map_err(|reason| FileError::content(path, format!("problems[{idx}].{reason}")))?;
+        size("point_radius", point_radius)
+            .map_err(|reason| FileError::content(path, format!("problems[{idx}].{reason}")))?;
         let points = self.points.iter().enumerate().map(|(i, point)| {
-            place("", *point).map_err(|reason| FileError::content(path, format!("problems[{idx}].points[{i}]{reason}")))
+            place("", *point).map_err(|reason| {
+                FileError::content(path, format!("problems[{idx}].points[{i}]{reason}"))
+            })
         });
         Ok(scene.with_points(&points.collect::<Result<Vec<Vec3>>>()?, point_radius))
     }
@@ -130,7 +136,10 @@ type Checked<T> = core::result::Result<T, String>;
 
 impl SphereJson {
     fn primitive(&self) -> Checked<Primitive> {
-        Ok(Primitive::Sphere { center: place("center", self.center)?, radius: size("radius", self.radius)? })
+        Ok(Primitive::Sphere {
+            center: place("center", self.center)?,
+            radius: size("radius", self.radius)?,
+        })
     }
 }
 
@@ -144,7 +153,11 @@ impl CuboidJson {
 
 impl CapsuleJson {
     fn primitive(&self) -> Checked<Primitive> {
-        Ok(Primitive::Capsule { a: place("a", self.a)?, b: place("b", self.b)?, radius: size("radius", self.radius)? })
+        Ok(Primitive::Capsule {
+            a: place("a", self.a)?,
+            b: place("b", self.b)?,
+            radius: size("radius", self.radius)?,
+        })
     }
 }
 
@@ -159,14 +172,20 @@ impl CylinderJson {
 }
 
 fn pose(center: [f32; 3], rotation_xyzw: [f64; 4]) -> Checked<Pose3> {
-    let rotation = unit_quaternion(rotation_xyzw).map_err(|reason| format!("rotation_xyzw: {reason}"))?;
-    Ok(Pose3::from_parts(place("center", center)?, Quat::from_array(rotation.to_array().map(|part| part as f32))))
+    let rotation =
+        unit_quaternion(rotation_xyzw).map_err(|reason| format!("rotation_xyzw: {reason}"))?;
+    Ok(Pose3::from_parts(
+        place("center", center)?,
+        Quat::from_array(rotation.to_array().map(|part| part as f32)),
+    ))
 }
 
 fn place(field: &str, position: [f32; 3]) -> Checked<Vec3> {
     let is_within = |length: &&f32| length.is_finite() && length.abs() <= MAX_LENGTH;
     match position.iter().find(|length| !is_within(length)) {
-        Some(length) => Err(format!("{field}: has {length}, expected -{MAX_LENGTH} to {MAX_LENGTH}")),
+        Some(length) => {
+            Err(format!("{field}: has {length}, expected -{MAX_LENGTH} to {MAX_LENGTH}"))
+        }
         None => Ok(Vec3::from_array(position)),
     }
 }

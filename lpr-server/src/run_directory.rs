@@ -27,7 +27,9 @@ pub fn create(directory: &Path, config_toml: &str) -> Result<()> {
     files::create_output_directory(directory)?;
     let checkpoints = directory.join(CHECKPOINTS);
     fs::create_dir_all(&checkpoints).map_err(FileError::io("create", &checkpoints))?;
-    files::write_atomically(&directory.join("config.toml"), |file| file.write_all(config_toml.as_bytes()))
+    files::write_atomically(&directory.join("config.toml"), |file| {
+        file.write_all(config_toml.as_bytes())
+    })
 }
 
 /// Where the episode of a checkpoint goes; its directory exists then.
@@ -102,7 +104,10 @@ pub fn latest_step(directory: &Path) -> Result<Option<u64>> {
 /// When there is none, or when it cannot be read.
 pub fn latest(directory: &Path) -> Result<(u64, Checkpoint)> {
     let Some(step) = latest_step(directory)? else {
-        return Err(FileError::content(directory, "holds no checkpoint: not a run directory, or a run that had not saved yet"));
+        return Err(FileError::content(
+            directory,
+            "holds no checkpoint: not a run directory, or a run that had not saved yet",
+        ));
     };
     let path = checkpoint_path(directory, step);
     let read = |name: &str| {
@@ -126,8 +131,12 @@ pub fn latest_agent(directory: &Path) -> Result<SavedAgent> {
 #[must_use]
 pub fn unusable(directory: &Path, env_step: u64, error: &Error) -> FileError {
     let checkpoint = checkpoint_path(directory, env_step);
-    let Error::Checkpoint(reason) = error else { return FileError::content(&checkpoint, error.to_string()) };
-    let of_file = |part: &str, file: &str| Some(FileError::content(&checkpoint.join(file), reason.strip_prefix(part)?));
+    let Error::Checkpoint(reason) = error else {
+        return FileError::content(&checkpoint, error.to_string());
+    };
+    let of_file = |part: &str, file: &str| {
+        Some(FileError::content(&checkpoint.join(file), reason.strip_prefix(part)?))
+    };
     let of_one = of_file("weights: ", WEIGHTS).or_else(|| of_file("state: ", STATE));
     of_one.unwrap_or_else(|| FileError::content(&checkpoint, reason.as_str()))
 }
@@ -152,7 +161,8 @@ fn checkpoint_steps(directory: &Path) -> Result<Vec<u64>> {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
         entries => entries.map_err(FileError::io("read", &checkpoints))?,
     };
-    let mut steps: Vec<u64> = entries.filter_map(|entry| entry.ok()?.file_name().to_str()?.parse().ok()).collect();
+    let mut steps: Vec<u64> =
+        entries.filter_map(|entry| entry.ok()?.file_name().to_str()?.parse().ok()).collect();
     steps.sort_unstable();
     Ok(steps)
 }

@@ -13,7 +13,11 @@ pub const DEFAULT_MINUTES: f64 = 15.0;
 ///
 /// What would be right.
 pub fn check_minutes(minutes: f64) -> Result<(), String> {
-    if minutes.is_finite() && minutes > 0.0 { Ok(()) } else { Err(format!("above 0, got {minutes}")) }
+    if minutes.is_finite() && minutes > 0.0 {
+        Ok(())
+    } else {
+        Err(format!("above 0, got {minutes}"))
+    }
 }
 
 /// Whether a run can train an agent of that method.

@@ -26,7 +26,11 @@ impl SceneFile {
     #[must_use]
     pub fn of(environment: &SimEnvironment) -> Self {
         let world = environment.world();
-        Self { version: SCENE_VERSION, robot: world.robot().name.to_owned(), scene: world.spec().clone() }
+        Self {
+            version: SCENE_VERSION,
+            robot: world.robot().name.to_owned(),
+            scene: world.spec().clone(),
+        }
     }
 
     /// Writes the file, whole or not at all.
@@ -42,11 +46,13 @@ impl SceneFile {
     ///
     /// # Errors
     ///
-    /// When the file is missing, corrupt, foreign or newer than this program: one line that names the file and the field.
+    /// When the file is missing, corrupt, foreign or newer than this program: one line that names
+    /// the file and the field.
     pub fn read(path: &Path) -> Result<Self> {
         let file: Self = files::read_versioned_json(path, SCENE_VERSION)?;
         let check = Robot::by_name(&file.robot).map_err(|error| format!("robot: {error}"));
-        let check = check.and_then(|_| file.scene.check().map_err(|error| format!("scene: {error}")));
+        let check =
+            check.and_then(|_| file.scene.check().map_err(|error| format!("scene: {error}")));
         check.map_err(|reason| FileError::content(path, reason))?;
         Ok(file)
     }
@@ -57,7 +63,11 @@ impl SceneFile {
     ///
     /// When the robot or the task is unknown, or the scene cannot be built.
     pub fn start(&self) -> lpr_core::Result<SimEnvironment> {
-        SimEnvironment::in_scene(self.scene.clone(), Robot::by_name(&self.robot)?, &SimParams::STANDARD)
+        SimEnvironment::in_scene(
+            self.scene.clone(),
+            Robot::by_name(&self.robot)?,
+            &SimParams::STANDARD,
+        )
     }
 }
 
@@ -83,7 +93,12 @@ mod tests {
             written.write(&path).unwrap();
             let read = SceneFile::read(&path).unwrap();
             assert_eq!(read, written);
-            assert_eq!(read.start().unwrap().world().hash(), environment.world().hash(), "{}", task.name);
+            assert_eq!(
+                read.start().unwrap().world().hash(),
+                environment.world().hash(),
+                "{}",
+                task.name
+            );
         }
     }
 
@@ -101,15 +116,23 @@ mod tests {
         };
         assert!(refusal(&|file| file["version"] = json!(2)).starts_with("version: 2 is unknown"));
         assert!(refusal(&|file| file["robot"] = json!("ur5")).starts_with("robot: "));
-        assert!(refusal(&|file| file["scene"]["bodies"][0]["mass"] = json!("heavy")).starts_with("scene.bodies[0].mass: "));
-        assert!(refusal(&|file| file["scene"]["bodies"][0]["weight"] = json!(1)).contains("unknown field `weight`"));
+        assert!(
+            refusal(&|file| file["scene"]["bodies"][0]["mass"] = json!("heavy"))
+                .starts_with("scene.bodies[0].mass: ")
+        );
+        assert!(
+            refusal(&|file| file["scene"]["bodies"][0]["weight"] = json!(1))
+                .contains("unknown field `weight`")
+        );
         let error = refusal(&|file| file["scene"]["bodies"][0]["mass"] = json!(-1));
         assert!(error.starts_with("scene: ") && error.contains("mass"), "{error}");
         let mut flat = good.clone();
         let points = vec![lpr_core::glamx::Vec3::ZERO; 4];
         flat.scene.bodies[0].parts[0].shape = Shape::Convex { points };
         flat.write(&path).unwrap();
-        assert!(SceneFile::read(&path).is_err() || SceneFile::read(&path).unwrap().start().is_err());
+        assert!(
+            SceneFile::read(&path).is_err() || SceneFile::read(&path).unwrap().start().is_err()
+        );
         let mut unknown = good.clone();
         unknown.scene.task = "make_coffee".to_owned();
         assert!(unknown.start().unwrap_err().to_string().contains("unknown task 'make_coffee'"));

@@ -1,7 +1,8 @@
-//! Scalars as TensorBoard reads them: `TFRecord` framing around hand-encoded `tensorflow.Event` messages.
+//! Scalars as TensorBoard reads them: `TFRecord` framing around hand-encoded `tensorflow.Event`
+//! messages.
 //!
-//! The one crate for this brings a protobuf runtime and an image library along; scalars need
-//! five fields. Formats: `tensorflow/core/util/event.proto`, `tensorflow/core/lib/io/record_writer.h`.
+//! The one crate for this brings a protobuf runtime and an image library along; scalars need five
+//! fields. Formats: `tensorflow/core/util/event.proto`, `tensorflow/core/lib/io/record_writer.h`.
 
 use crate::files::{self, FileError, Result};
 use std::fs::{File, OpenOptions};
@@ -32,7 +33,8 @@ impl EventWriter {
         Ok(writer)
     }
 
-    /// Goes on with the event file in `run_directory` after dropping what is later than `last_step` or torn.
+    /// Goes on with the event file in `run_directory` after dropping what is later than `last_step`
+    /// or torn.
     ///
     /// # Errors
     ///
@@ -41,9 +43,12 @@ impl EventWriter {
         let path = run_directory.join(FILE_NAME);
         let old = std::fs::read(&path).map_err(FileError::io("read", &path))?;
         files::write_atomically(&path, |writer| {
-            records(&old).filter(|event| step_of(event) <= last_step).try_for_each(|event| writer.write_all(&framed(event)))
+            records(&old)
+                .filter(|event| step_of(event) <= last_step)
+                .try_for_each(|event| writer.write_all(&framed(event)))
         })?;
-        let file = OpenOptions::new().append(true).open(&path).map_err(FileError::io("write", &path))?;
+        let file =
+            OpenOptions::new().append(true).open(&path).map_err(FileError::io("write", &path))?;
         Ok(Self { file, path })
     }
 
@@ -52,7 +57,12 @@ impl EventWriter {
     /// # Errors
     ///
     /// When the file cannot be written.
-    pub fn write_scalars(&mut self, step: u64, wall_seconds: f64, scalars: &[(&str, f32)]) -> Result<()> {
+    pub fn write_scalars(
+        &mut self,
+        step: u64,
+        wall_seconds: f64,
+        scalars: &[(&str, f32)],
+    ) -> Result<()> {
         self.append(&scalar_event(step, wall_seconds, scalars))
     }
 
@@ -120,10 +130,13 @@ fn put_varint(message: &mut Vec<u8>, mut value: u64) {
     message.push(value as u8);
 }
 
-/// The step of an event that this file wrote: right after the wall time, absent (0) in the version event.
+/// The step of an event that this file wrote: right after the wall time, absent (0) in the version
+/// event.
 fn step_of(event: &[u8]) -> u64 {
     const WALL_TIME_BYTES: usize = 1 + 8;
-    let Some((&tag, varint)) = event.get(WALL_TIME_BYTES..).and_then(<[u8]>::split_first) else { return 0 };
+    let Some((&tag, varint)) = event.get(WALL_TIME_BYTES..).and_then(<[u8]>::split_first) else {
+        return 0;
+    };
     if u32::from(tag) != EVENT_STEP << 3 | VARINT {
         return 0;
     }
@@ -143,10 +156,12 @@ fn records(mut file: &[u8]) -> impl Iterator<Item = &[u8]> {
     core::iter::from_fn(move || {
         let (length, rest) = file.split_first_chunk::<8>()?;
         let (length_crc, rest) = rest.split_first_chunk::<4>()?;
-        let (content, rest) = rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
+        let (content, rest) =
+            rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
         let (content_crc, rest) = rest.split_first_chunk::<4>()?;
         file = rest;
-        (masked_crc32c(length) == *length_crc && masked_crc32c(content) == *content_crc).then_some(content)
+        (masked_crc32c(length) == *length_crc && masked_crc32c(content) == *content_crc)
+            .then_some(content)
     })
 }
 

@@ -105,20 +105,30 @@ fn a_malformed_file_is_named_with_its_field() {
         let error = lpr_error(&[command, option, input.path()], 1);
         error.strip_prefix(&format!("{}: ", input.path())).unwrap().to_owned()
     };
-    let error = refusal("fk", "--configs", json!({"configs": [[0, 0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0]]}));
+    let error =
+        refusal("fk", "--configs", json!({"configs": [[0, 0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0]]}));
     assert!(error.starts_with("configs[1]: has 6 joint angles, xarm7 has 7"), "{error}");
     let error = refusal("fk", "--configs", json!({"configs": [[0, 0, 0, 0, 0, 0, 1e300]]}));
     assert!(error.starts_with("configs[0][6]: number out of range"), "{error}");
-    let error = refusal("ik", "--poses", json!({"poses": [{"position": [0, 0, 0], "rotation_xyzw": [0, 0, 0, 0]}]}));
+    let error = refusal(
+        "ik",
+        "--poses",
+        json!({"poses": [{"position": [0, 0, 0], "rotation_xyzw": [0, 0, 0, 0]}]}),
+    );
     assert_eq!(error, "poses[0].rotation_xyzw: has norm 0, expected a unit quaternion");
-    let error = refusal("ik", "--poses", json!({"poses": [{"position": [0, 0, 0], "quaternion": [0, 0, 0, 1]}]}));
+    let error = refusal(
+        "ik",
+        "--poses",
+        json!({"poses": [{"position": [0, 0, 0], "quaternion": [0, 0, 0, 1]}]}),
+    );
     assert!(error.contains("unknown field `quaternion`"), "{error}");
 }
 
 #[test]
 fn robots_lists_limits_in_order() {
     let robots = &lpr_json(&["robots"])["robots"];
-    let names: Vec<_> = robots.as_array().unwrap().iter().map(|robot| robot["name"].as_str().unwrap()).collect();
+    let names: Vec<_> =
+        robots.as_array().unwrap().iter().map(|robot| robot["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["xarm7", "panda"]);
     for robot in robots.as_array().unwrap() {
         let limits = robot["limits"].as_array().unwrap();
@@ -130,7 +140,11 @@ fn robots_lists_limits_in_order() {
 
 /// Configurations within the limits of both arms, away from their ends.
 fn test_configs() -> Vec<[f64; 7]> {
-    vec![[0.0, -0.5, 0.1, -1.2, 0.2, 1.4, 0.3], [0.7, 0.3, -0.4, -1.9, -0.3, 2.0, -0.8], [-1.1, 0.6, 0.5, -1.0, 1.2, 0.9, 1.5]]
+    vec![
+        [0.0, -0.5, 0.1, -1.2, 0.2, 1.4, 0.3],
+        [0.7, 0.3, -0.4, -1.9, -0.3, 2.0, -0.8],
+        [-1.1, 0.6, 0.5, -1.0, 1.2, 0.9, 1.5],
+    ]
 }
 
 fn flange_poses(robot: &str, configs: &Value) -> Value {
@@ -141,7 +155,11 @@ fn flange_poses(robot: &str, configs: &Value) -> Value {
 /// Farthest apart of two poses in position (metres) and quaternion.
 fn pose_error(a: &Value, b: &Value) -> f64 {
     let error = |field: &str, sign: f64| -> f64 {
-        numbers(&a[field]).iter().zip(numbers(&b[field])).map(|(a, b)| (a - sign * b).abs()).fold(0.0, f64::max)
+        numbers(&a[field])
+            .iter()
+            .zip(numbers(&b[field]))
+            .map(|(a, b)| (a - sign * b).abs())
+            .fold(0.0, f64::max)
     };
     error("position", 1.0).max(error("rotation_xyzw", 1.0).min(error("rotation_xyzw", -1.0)))
 }
@@ -166,7 +184,16 @@ fn every_ik_solution_leads_back_to_its_pose() {
         };
         let poses = flange_poses(robot, &configs);
         let input = Input::new(&json!({"poses": poses}));
-        let results = lpr_json(&["ik", "--robot", robot, "--poses", input.path(), "--solutions", "5"])["results"].clone();
+        let results = lpr_json(&[
+            "ik",
+            "--robot",
+            robot,
+            "--poses",
+            input.path(),
+            "--solutions",
+            "5",
+        ])["results"]
+            .clone();
         for (pose, result) in poses.as_array().unwrap().iter().zip(results.as_array().unwrap()) {
             let solutions = result["solutions"].as_array().unwrap();
             assert_eq!(solutions.len(), 5, "{robot}: {result}");
@@ -189,7 +216,10 @@ fn a_seed_config_that_solves_the_pose_is_the_solution() {
     let results = lpr_json(&["ik", "--robot", "panda", "--poses", input.path()])["results"].clone();
     for (result, config) in results.as_array().unwrap().iter().zip(configs) {
         let solution = numbers(&result["solutions"][0]);
-        assert!(solution.iter().zip(config).all(|(a, b)| (a - b).abs() < 1e-3), "{solution:?} {config:?}");
+        assert!(
+            solution.iter().zip(config).all(|(a, b)| (a - b).abs() < 1e-3),
+            "{solution:?} {config:?}"
+        );
     }
 }
 
@@ -198,9 +228,13 @@ fn an_unreachable_pose_is_a_result_with_a_reason() {
     let pose = |x: f64| json!({"position": [x, 0, 0], "rotation_xyzw": [0, 0, 0, 1]});
     let input = Input::new(&json!({"poses": [pose(5.0), pose(1e300)]}));
     for solutions in ["1", "3"] {
-        let results = lpr_json(&["ik", "--poses", input.path(), "--solutions", solutions])["results"].clone();
+        let results =
+            lpr_json(&["ik", "--poses", input.path(), "--solutions", solutions])["results"].clone();
         for result in results.as_array().unwrap() {
-            assert_eq!((&result["solutions"], &result["reason"]), (&json!([]), &json!("unreachable")));
+            assert_eq!(
+                (&result["solutions"], &result["reason"]),
+                (&json!([]), &json!("unreachable"))
+            );
         }
     }
     assert!(lpr(&["ik", "--poses", input.path()]).stdout.contains("unreachable"));
@@ -208,9 +242,13 @@ fn an_unreachable_pose_is_a_result_with_a_reason() {
 
 #[test]
 fn the_same_seed_gives_the_same_solutions() {
-    let input = Input::new(&json!({"poses": flange_poses("xarm7", &json!([[0.1, 0.2, 0.3, 1.0, 0.1, 1.0, 0.2]]))}));
+    let input = Input::new(
+        &json!({"poses": flange_poses("xarm7", &json!([[0.1, 0.2, 0.3, 1.0, 0.1, 1.0, 0.2]]))}),
+    );
     let solve = |seed: &str| {
-        lpr_json(&["ik", "--poses", input.path(), "--solutions", "4", "--seed", seed])["results"][0]["solutions"].clone()
+        lpr_json(&["ik", "--poses", input.path(), "--solutions", "4", "--seed", seed])["results"][0]
+            ["solutions"]
+            .clone()
     };
     assert_eq!(solve("7"), solve("7"));
     assert_ne!(solve("7"), solve("8"));

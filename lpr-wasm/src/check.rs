@@ -15,7 +15,8 @@ use lpr_core::sim::tasks::Task;
 use lpr_core::sim::{ArmSweep, SimEnvironment, SimParams, World, demonstrate};
 use std::hash::DefaultHasher;
 
-/// The hash of the world, 16 hexadecimal digits, after the whole scripted demonstration in scene `seed`, done or not.
+/// The hash of the world, 16 hexadecimal digits, after the whole scripted demonstration in scene
+/// `seed`, done or not.
 ///
 /// # Errors
 ///
@@ -74,14 +75,20 @@ impl CandidatesBench {
         let init = Init { backend: Backend::Flex, seed: 0 };
         let networks = Networks::new(&config, &XARM7, Method::Lpr, PoseSource::Oracle, init)?;
         let agent = Agent::new(&config, &XARM7, Method::Lpr, networks);
-        let mut environment =
-            SimEnvironment::new(Task::by_name("toilet_seat_up")?, &XARM7, SCENE, &["front"], &config.simulator)?;
+        let mut environment = SimEnvironment::new(
+            Task::by_name("toilet_seat_up")?,
+            &XARM7,
+            SCENE,
+            &["front"],
+            &config.simulator,
+        )?;
         let goal = environment.plan().goals[0];
         Ok(Self { agent, observation: environment.observe(), goal })
     }
 
-    /// Proposes and ranks the candidates of a step: obstacles, 20 planner, 20 Bézier and one policy path. The hash, 16
-    /// hexadecimal digits, of the planner's and the curves' paths, which no network has a part in.
+    /// Proposes and ranks the candidates of a step: obstacles, 20 planner, 20 Bézier and one policy
+    /// path. The hash, 16 hexadecimal digits, of the planner's and the curves' paths, which no
+    /// network has a part in.
     ///
     /// # Errors
     ///
@@ -93,7 +100,12 @@ impl CandidatesBench {
         for candidate in &action.set.candidates {
             if matches!(candidate.source, Source::Planner | Source::Bezier) {
                 candidate.collides.hash(&mut hasher);
-                candidate.path.configs().iter().flat_map(|config| config.iter()).for_each(|q| q.to_bits().hash(&mut hasher));
+                candidate
+                    .path
+                    .configs()
+                    .iter()
+                    .flat_map(|config| config.iter())
+                    .for_each(|q| q.to_bits().hash(&mut hasher));
             }
         }
         Ok(format!("{:016x}", hasher.finish()))
@@ -110,10 +122,16 @@ mod tests {
 
     #[test]
     fn a_demonstration_changes_the_world_and_is_the_same_again() {
-        let [once, again] = [(); 2].map(|()| demonstration_hash("reach_target", "panda", 3).unwrap());
+        let [once, again] =
+            [(); 2].map(|()| demonstration_hash("reach_target", "panda", 3).unwrap());
         assert_eq!(once, again);
         assert_ne!(once, demonstration_hash("reach_target", "panda", 4).unwrap());
-        assert!(demonstration_hash("reach_taget", "panda", 3).unwrap_err().to_string().contains("reach_taget"));
+        assert!(
+            demonstration_hash("reach_taget", "panda", 3)
+                .unwrap_err()
+                .to_string()
+                .contains("reach_taget")
+        );
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! One agent in one scene, step by step: what the page shows, in plain Rust.
 //!
-//! An episode of the page is that of `lpr eval` for the same weights and seed, as long as the best candidate runs.
+//! An episode of the page is that of `lpr eval` for the same weights and seed, as long as the best
+//! candidate runs.
 
 use crate::plan::Plan;
 use crate::scene::SceneView;
@@ -60,12 +61,19 @@ impl Demo {
     ///
     /// # Errors
     ///
-    /// When the weights are corrupt, foreign or newer than this program, or the scene cannot be placed.
+    /// When the weights are corrupt, foreign or newer than this program, or the scene cannot be
+    /// placed.
     pub fn new(weights: &[u8], seed: u64) -> Result<Self> {
         let SavedAgent { header, agent } = load_agent(weights)?;
         let task = Task::by_name(&header.run.task)?;
-        let cameras: Vec<_> = header.run.cameras.iter().map(|name| Camera::known_name(name)).collect::<Result<_>>()?;
-        let mut environment = SimEnvironment::new(task, agent.robot(), seed, &cameras, &header.config.simulator)?;
+        let cameras: Vec<_> = header
+            .run
+            .cameras
+            .iter()
+            .map(|name| Camera::known_name(name))
+            .collect::<Result<_>>()?;
+        let mut environment =
+            SimEnvironment::new(task, agent.robot(), seed, &cameras, &header.config.simulator)?;
         environment.set_timing(header.config.timing.clone());
         Ok(Self { agent, environment, seed, step: 0, action: None, is_over: false })
     }
@@ -102,7 +110,8 @@ impl Demo {
         })
     }
 
-    /// Lines 6 to 12 of Algorithm 1: the next-best pose, the candidates and their values. Asked twice, it answers the same.
+    /// Lines 6 to 12 of Algorithm 1: the next-best pose, the candidates and their values. Asked
+    /// twice, it answers the same.
     ///
     /// # Errors
     ///
@@ -124,7 +133,11 @@ impl Demo {
         let demonstrated = || self.environment.demonstrated_goal().map(Into::into);
         let missing = || Error::Environment("the demonstrator has no further pose".to_owned());
         let goal = learned.or_else(demonstrated).ok_or_else(missing)?;
-        self.agent.act(&observation, goal, Draws::greedy(CandidateStreams { seed: self.seed, step: self.step }))
+        self.agent.act(
+            &observation,
+            goal,
+            Draws::greedy(CandidateStreams { seed: self.seed, step: self.step }),
+        )
     }
 
     /// Poses of the robot's items along a candidate: configurations × robot items × [`POSE_LEN`].
@@ -148,7 +161,8 @@ impl Demo {
         let action = self.action.take().expect("it has the candidate");
         let mut frames = Vec::new();
         let gripper = action.goal.gripper;
-        let result = self.environment.step_recorded(&path, gripper, |world| frames.extend(poses(world)));
+        let result =
+            self.environment.step_recorded(&path, gripper, |world| frames.extend(poses(world)));
         // An action that is refused before the arm moves has one frame, too.
         if frames.is_empty() {
             frames = self.poses();
@@ -159,7 +173,9 @@ impl Demo {
     fn outcome(&mut self, result: StepResult) -> Outcome {
         let step = self.step;
         self.step += 1;
-        self.is_over = result.terminated || result.truncated || is_out_of_poses(&self.agent, &self.environment);
+        self.is_over = result.terminated
+            || result.truncated
+            || is_out_of_poses(&self.agent, &self.environment);
         let world = self.environment.world();
         Outcome {
             step,
@@ -172,7 +188,10 @@ impl Demo {
     }
 
     fn candidate(&self, candidate: usize) -> Result<&CandidatePath> {
-        let action = self.action.as_ref().ok_or_else(|| Error::Environment("nothing is planned".to_owned()))?;
+        let action = self
+            .action
+            .as_ref()
+            .ok_or_else(|| Error::Environment("nothing is planned".to_owned()))?;
         let missing = || Error::Environment(format!("there is no candidate {candidate}"));
         action.set.candidates.get(candidate).ok_or_else(missing)
     }
@@ -189,7 +208,8 @@ fn poses(world: &World) -> Vec<f32> {
 }
 
 fn flat(poses: impl IntoIterator<Item = Pose3>) -> Vec<f32> {
-    let numbers = |pose: Pose3| pose.translation.to_array().into_iter().chain(pose.rotation.to_array());
+    let numbers =
+        |pose: Pose3| pose.translation.to_array().into_iter().chain(pose.rotation.to_array());
     poses.into_iter().flat_map(numbers).collect()
 }
 
@@ -218,7 +238,8 @@ mod tests {
             cameras: vec!["front".to_owned()],
         };
         let task = Task::by_name(&run.task).unwrap();
-        let environment = SimEnvironment::new(task, &XARM7, SEED, &["front"], &config.simulator).unwrap();
+        let environment =
+            SimEnvironment::new(task, &XARM7, SEED, &["front"], &config.simulator).unwrap();
         Trainer::new(config, run, environment).unwrap().checkpoint().unwrap().weights
     }
 
@@ -231,13 +252,16 @@ mod tests {
         for poses in [PoseSource::Learned, PoseSource::Oracle] {
             let SavedAgent { agent, header } = load_agent(&weights(poses)).unwrap();
             let task = Task::by_name(&header.run.task).unwrap();
-            let mut environment = SimEnvironment::new(task, agent.robot(), 0, &["front"], &header.config.simulator).unwrap();
+            let mut environment =
+                SimEnvironment::new(task, agent.robot(), 0, &["front"], &header.config.simulator)
+                    .unwrap();
             environment.set_timing(header.config.timing.clone());
             let recorded = record_episode(&agent, &mut environment, SEED).unwrap();
             let mut demo = demo(poses);
             for step in recorded {
                 let plan = demo.plan().unwrap();
-                let values: Option<Vec<_>> = plan.candidates.iter().map(|candidate| candidate.value).collect();
+                let values: Option<Vec<_>> =
+                    plan.candidates.iter().map(|candidate| candidate.value).collect();
                 assert_eq!((plan.chosen, values), (step.action.chosen, step.action.values));
                 let Some(chosen) = plan.chosen else { break };
                 let outcome = demo.execute(chosen).unwrap().outcome;
@@ -257,7 +281,10 @@ mod tests {
         assert_eq!(demo.poses().len(), frame_len);
         let chosen = demo.plan().unwrap().chosen.unwrap();
         let n_waypoints = demo.plan().unwrap().candidates[chosen].path.len();
-        assert_eq!(demo.ghost(chosen).unwrap().len(), n_waypoints * demo.scene().n_robot_items * POSE_LEN);
+        assert_eq!(
+            demo.ghost(chosen).unwrap().len(),
+            n_waypoints * demo.scene().n_robot_items * POSE_LEN
+        );
         let poses = demo.execute(chosen).unwrap().poses;
         assert!(poses.len() > frame_len && poses.len().is_multiple_of(frame_len));
         assert_eq!(poses[poses.len() - frame_len..], demo.poses());

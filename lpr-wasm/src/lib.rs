@@ -1,9 +1,11 @@
 //! What JavaScript calls: a thin wasm-bindgen shell over [`lpr_core`].
 //!
-//! Everything that it does is plain Rust that is tested natively: [`planner`], [`trajectory`] and, with the feature `page`, [`demo`] and [`check`].
-//! The shell turns values into what JavaScript takes: typed arrays for poses, JSON for the rest.
+//! Everything that it does is plain Rust that is tested natively: [`planner`], [`trajectory`] and,
+//! with the feature `page`, [`demo`] and [`check`]. The shell turns values into what JavaScript
+//! takes: typed arrays for poses, JSON for the rest.
 //!
-//! Without the feature `page` it is a planner alone, without networks and simulator: `lpr-wasm/build.sh plan`.
+//! Without the feature `page` it is a planner alone, without networks and simulator:
+//! `lpr-wasm/build.sh plan`.
 
 #[cfg(feature = "page")]
 pub mod check;

@@ -1,4 +1,5 @@
-//! What the demo page calls: an agent in a scene, and what is compared between wasm and native code.
+//! What the demo page calls: an agent in a scene, and what is compared between wasm and native
+//! code.
 
 use crate::{check, demo, json};
 #[cfg(doc)]

@@ -1,4 +1,5 @@
-//! A decision as JSON: the pose, what Q-attention saw, every candidate with its value, and why the others are none.
+//! A decision as JSON: the pose, what Q-attention saw, every candidate with its value, and why the
+//! others are none.
 
 use lpr_core::agent::Action;
 use lpr_core::glamx::{Quat, Vec3};
@@ -93,9 +94,16 @@ impl Plan {
                 rotation_xyzw: action.goal.pose.rotation,
                 gripper: action.goal.gripper,
             },
-            depths: action.attention.iter().flat_map(|decision| &decision.depths).map(Depth::new).collect(),
+            depths: action
+                .attention
+                .iter()
+                .flat_map(|decision| &decision.depths)
+                .map(Depth::new)
+                .collect(),
             goal_value: action.attention.as_ref().map(|QDecision { value, .. }| *value),
-            candidates: candidates.map(|(idx, candidate)| Candidate::new(candidate, value(idx), robot)).collect(),
+            candidates: candidates
+                .map(|(idx, candidate)| Candidate::new(candidate, value(idx), robot))
+                .collect(),
             rejected: rejected(action),
             chosen: action.chosen,
         }
@@ -108,7 +116,8 @@ impl Depth {
         let mut best: Vec<usize> = (0..values.len()).collect();
         best.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
         best.truncate(TOP_VOXELS);
-        let center = |&voxel: &usize| grid.space.point_from_voxel(grid.space.voxel_from_flat(voxel));
+        let center =
+            |&voxel: &usize| grid.space.point_from_voxel(grid.space.voxel_from_flat(voxel));
         Self {
             voxel_size: grid.space.voxel_size(),
             centers: best.iter().map(center).collect(),

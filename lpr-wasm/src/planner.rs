@@ -1,17 +1,21 @@
-//! Planning without an agent: inverse kinematics, a path among obstacles, candidate paths. In and out go values with JSON.
+//! Planning without an agent: inverse kinematics, a path among obstacles, candidate paths. In and
+//! out go values with JSON.
 
 use lpr_core::error::{Error, Result};
 use lpr_core::glamx::{Pose3, Quat, Vec3};
 use lpr_core::path::{
-    BezierSettings, CandidatePath, CandidateSettings, CandidateStreams, PathQuery, PlannerKind, RejectedPath, RrtSettings,
-    TimedPath, TimingSettings, candidates, rrt_connect, simplify,
+    BezierSettings, CandidatePath, CandidateSettings, CandidateStreams, PathQuery, PlannerKind,
+    RejectedPath, RrtSettings, TimedPath, TimingSettings, candidates, rrt_connect, simplify,
 };
 use lpr_core::rng::{Stream, stream};
 use lpr_core::robot::{JointConfig, Robot};
-use lpr_core::scene::{ArmSpheres, MotionChecker, POINT_RADIUS, Primitive, Scene, Shape, VOXEL, downsample};
+use lpr_core::scene::{
+    ArmSpheres, MotionChecker, POINT_RADIUS, Primitive, Scene, Shape, VOXEL, downsample,
+};
 use serde::{Deserialize, Serialize};
 
-/// Numbers of the candidate set, those of the preset `fast`; a plan goes to as many configurations as it has planner paths.
+/// Numbers of the candidate set, those of the preset `fast`; a plan goes to as many configurations
+/// as it has planner paths.
 pub const CANDIDATES: CandidateSettings = CandidateSettings {
     path_len: 30,
     planner: PlannerKind::RrtConnect,
@@ -147,16 +151,22 @@ impl Planner {
     ///
     /// # Errors
     ///
-    /// When there is no such robot, an obstacle has no place in the world or no size, or there are over two million points.
+    /// When there is no such robot, an obstacle has no place in the world or no size, or there are
+    /// over two million points.
     pub fn new(robot: &str, obstacles: &Obstacles) -> Result<Self> {
         let robot = Robot::by_name(robot)?;
         if obstacles.points.len() > MAX_POINTS {
-            return Err(Error::Environment(format!("points: at most {MAX_POINTS}, found {}", obstacles.points.len())));
+            return Err(Error::Environment(format!(
+                "points: at most {MAX_POINTS}, found {}",
+                obstacles.points.len()
+            )));
         }
         let solids = obstacles.solids.iter().enumerate().map(|(idx, solid)| {
             let has_size = is_finite(&solid.shape);
             let pose = solid.place.pose().filter(|_| has_size);
-            let pose = pose.ok_or_else(|| Error::Environment(format!("solids[{idx}]: finite sizes and a pose expected")))?;
+            let pose = pose.ok_or_else(|| {
+                Error::Environment(format!("solids[{idx}]: finite sizes and a pose expected"))
+            })?;
             Ok(Primitive::new(&solid.shape, &pose))
         });
         let scene = Scene::from_primitives(solids.collect::<Result<_>>()?);
@@ -203,7 +213,12 @@ impl Planner {
         };
         let timed = TimedPath::new(simplify(&plan.path, &checker), self.robot, &TIMING)?;
         let (path, length) = (timed.path().configs().to_vec(), timed.path().length());
-        Ok(Outcome::Found(FoundPath { path, length, seconds: timed.duration_secs(), iterations: plan.iterations }))
+        Ok(Outcome::Found(FoundPath {
+            path,
+            length,
+            seconds: timed.duration_secs(),
+            iterations: plan.iterations,
+        }))
     }
 
     /// The candidate paths to the goal.
@@ -213,8 +228,13 @@ impl Planner {
     /// When start or goal are no numbers.
     pub fn candidates(&self, request: &Request) -> Result<Candidates> {
         let (start, goal) = (request.start()?, request.goal()?);
-        let query = PathQuery { robot: self.robot, start, goal, scene: &self.scene, policy_path: None };
-        let set = candidates(&query, &CANDIDATES, CandidateStreams { seed: u64::from(request.seed), step: 0 });
+        let query =
+            PathQuery { robot: self.robot, start, goal, scene: &self.scene, policy_path: None };
+        let set = candidates(
+            &query,
+            &CANDIDATES,
+            CandidateStreams { seed: u64::from(request.seed), step: 0 },
+        );
         Ok(Candidates {
             candidates: set.candidates.iter().map(Candidate::from).collect(),
             rejected: set.rejected.iter().map(Rejected::from).collect(),
@@ -229,20 +249,28 @@ impl Request {
     }
 
     fn goal(&self) -> Result<Pose3> {
-        self.goal.pose().ok_or_else(|| Error::Config("goal: a finite position and a unit quaternion expected".to_owned()))
+        self.goal.pose().ok_or_else(|| {
+            Error::Config("goal: a finite position and a unit quaternion expected".to_owned())
+        })
     }
 }
 
 impl Place {
     fn pose(&self) -> Option<Pose3> {
         let is_unit = (self.rotation_xyzw.length() - 1.0).abs() < UNIT_TOLERANCE;
-        (self.position.is_finite() && is_unit).then(|| Pose3::from_parts(self.position, self.rotation_xyzw))
+        (self.position.is_finite() && is_unit)
+            .then(|| Pose3::from_parts(self.position, self.rotation_xyzw))
     }
 }
 
 impl From<&CandidatePath> for Candidate {
     fn from(CandidatePath { source, path, collides }: &CandidatePath) -> Self {
-        Self { source: source.name(), collides: *collides, length: path.length(), path: path.configs().to_vec() }
+        Self {
+            source: source.name(),
+            collides: *collides,
+            length: path.length(),
+            path: path.configs().to_vec(),
+        }
     }
 }
 
@@ -260,7 +288,9 @@ fn is_finite(shape: &Shape) -> bool {
         Shape::Cylinder { radius, half_length } | Shape::Capsule { radius, half_length } => {
             radius.is_finite() && half_length.is_finite()
         }
-        Shape::Convex { points } => !points.is_empty() && points.iter().all(|point| point.is_finite()),
+        Shape::Convex { points } => {
+            !points.is_empty() && points.iter().all(|point| point.is_finite())
+        }
     }
 }
 
@@ -271,13 +301,19 @@ mod tests {
     use lpr_core::robot::XARM7;
 
     fn request() -> Request {
-        let goal = Place { position: Vec3::new(0.35, 0.4, 0.15), rotation_xyzw: Quat::from_rotation_x(PI) };
+        let goal = Place {
+            position: Vec3::new(0.35, 0.4, 0.15),
+            rotation_xyzw: Quat::from_rotation_x(PI),
+        };
         Request { start: XARM7.start, goal, seed: 3 }
     }
 
     /// A ball of that radius where the goal is.
     fn ball(radius: f32) -> Obstacles {
-        Obstacles { solids: vec![Solid { shape: Shape::Sphere { radius }, place: request().goal }], points: Vec::new() }
+        Obstacles {
+            solids: vec![Solid { shape: Shape::Sphere { radius }, place: request().goal }],
+            points: Vec::new(),
+        }
     }
 
     fn planner(obstacles: &Obstacles) -> Planner {
@@ -296,10 +332,18 @@ mod tests {
         let planner = planner(&Obstacles::default());
         let configurations = planner.configurations(&request(), 20).unwrap();
         assert_eq!(configurations.len(), 20);
-        let is_goal = |config: &JointConfig| XARM7.grip(config).translation.distance(request().goal.position) < 1e-4;
+        let is_goal = |config: &JointConfig| {
+            XARM7.grip(config).translation.distance(request().goal.position) < 1e-4
+        };
         assert!(configurations.iter().all(is_goal));
-        let Outcome::Found(found) = planner.plan(&request()).unwrap() else { panic!("nothing is in the way") };
-        assert!(found.path[0] == XARM7.start && is_goal(found.path.last().unwrap()) && found.seconds > 0.0);
+        let Outcome::Found(found) = planner.plan(&request()).unwrap() else {
+            panic!("nothing is in the way")
+        };
+        assert!(
+            found.path[0] == XARM7.start
+                && is_goal(found.path.last().unwrap())
+                && found.seconds > 0.0
+        );
         let set = planner.candidates(&request()).unwrap();
         assert!(set.candidates.iter().all(|candidate| is_goal(candidate.path.last().unwrap())));
         assert!(set.candidates.iter().any(|candidate| candidate.source == "bezier"));
@@ -308,10 +352,14 @@ mod tests {
     #[test]
     fn what_stands_at_the_goal_is_in_the_way_as_a_solid_and_as_points() {
         // A row of points across both pads.
-        let points = (-5..=5_i8).map(|i| request().goal.position + 0.02 * f32::from(i) * Vec3::Y).collect();
+        let points =
+            (-5..=5_i8).map(|i| request().goal.position + 0.02 * f32::from(i) * Vec3::Y).collect();
         let cloud = Obstacles { points, ..Obstacles::default() };
         for obstacles in [ball(0.05), cloud] {
-            assert_eq!(planner(&obstacles).plan(&request()).unwrap(), Outcome::Rejected("goal_collides"));
+            assert_eq!(
+                planner(&obstacles).plan(&request()).unwrap(),
+                Outcome::Rejected("goal_collides")
+            );
             let set = planner(&obstacles).candidates(&request()).unwrap();
             assert!(set.candidates.iter().all(|candidate| candidate.collides));
         }
@@ -319,8 +367,12 @@ mod tests {
 
     #[test]
     fn what_cannot_be_is_named() {
-        assert!(Planner::new("xarm8", &Obstacles::default()).unwrap_err().to_string().contains("xarm8"));
-        assert!(Planner::new("xarm7", &ball(f32::NAN)).unwrap_err().to_string().contains("solids[0]"));
+        assert!(
+            Planner::new("xarm8", &Obstacles::default()).unwrap_err().to_string().contains("xarm8")
+        );
+        assert!(
+            Planner::new("xarm7", &ball(f32::NAN)).unwrap_err().to_string().contains("solids[0]")
+        );
         let planner = planner(&ball(0.01));
         let broken = |change: fn(&mut Request)| {
             let mut request = request();
@@ -329,7 +381,10 @@ mod tests {
         };
         assert!(broken(|request| request.start[2] = f32::INFINITY).contains("start"));
         assert!(broken(|request| request.goal.position.x = f32::NAN).contains("goal"));
-        assert!(broken(|request| request.goal.rotation_xyzw = Quat::from_xyzw(0.0, 0.0, 0.0, 0.0)).contains("goal"));
+        assert!(
+            broken(|request| request.goal.rotation_xyzw = Quat::from_xyzw(0.0, 0.0, 0.0, 0.0))
+                .contains("goal")
+        );
         assert!(planner.configurations(&request(), 1001).unwrap_err().to_string().contains("1000"));
     }
 }

@@ -43,10 +43,17 @@ impl SceneView {
     #[must_use]
     pub fn new(environment: &SimEnvironment, seed: u64, agent: &Agent) -> Self {
         let world = environment.world();
-        let scene = world.spec().bodies.iter().map(|body| Item { name: body.name.clone(), parts: body.parts.clone() });
+        let scene = world
+            .spec()
+            .bodies
+            .iter()
+            .map(|body| Item { name: body.name.clone(), parts: body.parts.clone() });
         let robot = world.robot_items();
         let n_robot_items = robot.len();
-        let robot = robot.into_iter().enumerate().map(|(idx, (_, parts))| Item { name: format!("robot {idx}"), parts });
+        let robot = robot
+            .into_iter()
+            .enumerate()
+            .map(|(idx, (_, parts))| Item { name: format!("robot {idx}"), parts });
         let bounds = VoxelBounds::scene(environment.robot());
         Self {
             task: environment.task().name.to_owned(),

@@ -38,7 +38,8 @@ pub struct TimedTrajectory {
     pub seconds: f64,
     /// How far the curve is from the path at most, in joint space, radians: a bound.
     pub deviation: f64,
-    /// Whether the arm meets an obstacle or itself on the curve, of which the path knows nothing between its configurations.
+    /// Whether the arm meets an obstacle or itself on the curve, of which the path knows nothing
+    /// between its configurations.
     pub collides: bool,
     /// Moments, seconds: 0, `period`, …, and the end.
     pub times: Vec<f64>,
@@ -66,19 +67,27 @@ impl Planner {
     ///
     /// # Errors
     ///
-    /// When the path has fewer than two configurations or one that is no number, is over 1000 rad long, a limit is none, or there
-    /// are over 100,000 moments.
+    /// When the path has fewer than two configurations or one that is no number, is over 1000 rad
+    /// long, a limit is none, or there are over 100,000 moments.
     pub fn trajectory(&self, request: &TrajectoryRequest) -> Result<TimedTrajectory> {
         let curve = SmoothPath::through(&JointPath::new(request.path.clone())?);
         if curve.chord_length() > MAX_LENGTH {
-            return Err(Error::Config(format!("path: at most {MAX_LENGTH} rad long, got {}", curve.chord_length())));
+            return Err(Error::Config(format!(
+                "path: at most {MAX_LENGTH} rad long, got {}",
+                curve.chord_length()
+            )));
         }
         let limits = request.limits(self.robot())?;
-        let grip = request.max_grip_speed.map(|max_speed| GripSpeedLimit { robot: self.robot(), max_speed });
+        let grip = request
+            .max_grip_speed
+            .map(|max_speed| GripSpeedLimit { robot: self.robot(), max_speed });
         let motion = time_optimal(&curve, &limits, grip.as_ref())?;
         let seconds = motion.duration_secs();
         if seconds / request.period > MAX_MOMENTS {
-            return Err(Error::Config(format!("period: {} s divides {seconds:.1} s too finely", request.period)));
+            return Err(Error::Config(format!(
+                "period: {} s divides {seconds:.1} s too finely",
+                request.period
+            )));
         }
         let (times, states): (Vec<f64>, Vec<_>) = motion.samples(request.period)?.unzip();
         Ok(TimedTrajectory {
@@ -93,7 +102,11 @@ impl Planner {
 
     fn collides_on(&self, curve: &SmoothPath) -> bool {
         let n_steps = (curve.chord_length() * CHECKS_PER_RADIAN).ceil().max(1.0);
-        let at = |step: u32| curve.angles_at(curve.chord_length() * f64::from(step) / n_steps).map(|angle| angle as f32);
+        let at = |step: u32| {
+            curve
+                .angles_at(curve.chord_length() * f64::from(step) / n_steps)
+                .map(|angle| angle as f32)
+        };
         let configs: Vec<_> = (0..=n_steps as u32).map(|step| JointConfig(at(step))).collect();
         !self.checker(CHECKS_PER_RADIAN as f32).path_is_free(&configs)
     }
@@ -113,7 +126,13 @@ mod tests {
 
     fn request() -> TrajectoryRequest {
         let path = vec![turned(-0.5), turned(0.0), turned(0.5)];
-        TrajectoryRequest { path, speed: 0.5, max_jerk: Some(200.0), max_grip_speed: Some(0.2), period: 0.01 }
+        TrajectoryRequest {
+            path,
+            speed: 0.5,
+            max_jerk: Some(200.0),
+            max_grip_speed: Some(0.2),
+            period: 0.01,
+        }
     }
 
     fn planner(obstacles: &Obstacles) -> Planner {
@@ -129,19 +148,28 @@ mod tests {
         assert_eq!([found.velocities[0], *found.velocities.last().unwrap()], [[0.0; DOF]; 2]);
         let fastest = found.velocities.iter().map(|velocity| velocity[0].abs()).fold(0.0, f64::max);
         let grip = XARM7.grip(&XARM7.start).translation;
-        assert!((fastest * f64::from(grip.x) - 0.2).abs() < 1e-3, "the grip's speed is what limits");
+        assert!(
+            (fastest * f64::from(grip.x) - 0.2).abs() < 1e-3,
+            "the grip's speed is what limits"
+        );
         let free = TrajectoryRequest { max_grip_speed: None, max_jerk: None, ..request() };
         assert!(planner(&Obstacles::default()).trajectory(&free).unwrap().seconds < found.seconds);
     }
 
     #[test]
     fn a_ball_on_the_way_is_said() {
-        let place = Place { position: XARM7.grip(&turned(0.25)).translation, rotation_xyzw: Quat::IDENTITY };
+        let place = Place {
+            position: XARM7.grip(&turned(0.25)).translation,
+            rotation_xyzw: Quat::IDENTITY,
+        };
         let ball = Solid { shape: Shape::Sphere { radius: 0.02 }, place };
         let obstacles = Obstacles { solids: vec![ball], ..Obstacles::default() };
         assert!(planner(&obstacles).trajectory(&request()).unwrap().collides);
         let far = Place { position: 2.0 * Vec3::X, rotation_xyzw: Quat::IDENTITY };
-        let obstacles = Obstacles { solids: vec![Solid { place: far, ..obstacles.solids[0].clone() }], ..obstacles };
+        let obstacles = Obstacles {
+            solids: vec![Solid { place: far, ..obstacles.solids[0].clone() }],
+            ..obstacles
+        };
         assert!(!planner(&obstacles).trajectory(&request()).unwrap().collides);
     }
 
@@ -155,7 +183,10 @@ mod tests {
         };
         assert!(refusal(|request| request.path.truncate(1)).contains("path"));
         assert!(refusal(|request| request.path[1][3] = f32::NAN).contains("path"));
-        assert!(refusal(|request| (request.path[1][3], request.period) = (1e30, 1e30)).contains("path: at most 1000 rad"));
+        assert!(
+            refusal(|request| (request.path[1][3], request.period) = (1e30, 1e30))
+                .contains("path: at most 1000 rad")
+        );
         assert!(refusal(|request| request.speed = 1.5).contains("speed"));
         assert!(refusal(|request| request.speed = f64::NAN).contains("speed"));
         assert!(refusal(|request| request.max_jerk = Some(-1.0)).contains("jerk"));

@@ -25,9 +25,12 @@ fn read(file: &Path) -> String {
 /// Lines of the Rust files below `folder`, except this file, which names what it forbids.
 fn code_below(folder: &str) -> Vec<Line> {
     let is_ours = |file: &PathBuf| {
-        file.starts_with(folder) && file.extension().is_some_and(|it| it == "rs") && !file.ends_with("suite/architecture.rs")
+        file.starts_with(folder)
+            && file.extension().is_some_and(|it| it == "rs")
+            && !file.ends_with("suite/architecture.rs")
     };
-    let lines: Vec<_> = project_files().into_iter().filter(is_ours).flat_map(|file| code_of(&file)).collect();
+    let lines: Vec<_> =
+        project_files().into_iter().filter(is_ours).flat_map(|file| code_of(&file)).collect();
     assert!(!lines.is_empty(), "no Rust code below {folder}");
     lines
 }
@@ -35,7 +38,10 @@ fn code_below(folder: &str) -> Vec<Line> {
 fn code_of(file: &Path) -> Vec<Line> {
     let code = |line: &str| line.split("//").next().unwrap_or_default().to_owned();
     let text = read(file);
-    text.lines().enumerate().map(|(idx, line)| Line { file: file.to_owned(), number: idx + 1, code: code(line) }).collect()
+    text.lines()
+        .enumerate()
+        .map(|(idx, line)| Line { file: file.to_owned(), number: idx + 1, code: code(line) })
+        .collect()
 }
 
 /// Fails with every line in which one of `words` stands as a whole path or name.
@@ -43,7 +49,9 @@ fn code_of(file: &Path) -> Vec<Line> {
 fn assert_absent(lines: &[Line], words: &[&str]) {
     let found: Vec<_> = lines
         .iter()
-        .flat_map(|line| words.iter().filter(|word| has_word(&line.code, word)).map(move |word| (line, word)))
+        .flat_map(|line| {
+            words.iter().filter(|word| has_word(&line.code, word)).map(move |word| (line, word))
+        })
         .map(|(line, word)| format!("{}:{}: {word}", line.file.display(), line.number))
         .collect();
     assert!(found.is_empty(), "{found:#?}");
@@ -52,7 +60,8 @@ fn assert_absent(lines: &[Line], words: &[&str]) {
 fn has_word(code: &str, word: &str) -> bool {
     let is_part = |c: char| c.is_alphanumeric() || c == '_';
     code.match_indices(word).any(|(at, _)| {
-        !code[..at].chars().next_back().is_some_and(is_part) && !code[at + word.len()..].chars().next().is_some_and(is_part)
+        !code[..at].chars().next_back().is_some_and(is_part)
+            && !code[at + word.len()..].chars().next().is_some_and(is_part)
     })
 }
 
@@ -69,13 +78,17 @@ fn the_core_has_no_files_sockets_clock_or_threads_of_its_own() {
     let core = code_below("lpr-core/src");
     assert_absent(&core, &paths.each_ref().map(String::as_str));
     // The same modules in a grouped import.
-    let grouped: Vec<_> = core.into_iter().filter(|line| line.code.contains("use std::{")).collect();
+    let grouped: Vec<_> =
+        core.into_iter().filter(|line| line.code.contains("use std::{")).collect();
     assert_absent(&grouped, &modules);
 }
 
 #[test]
 fn only_the_wire_knows_millimetres() {
-    let lines: Vec<_> = code_below("lpr-server/src/xarm").into_iter().filter(|line| !line.file.starts_with(WIRE)).collect();
+    let lines: Vec<_> = code_below("lpr-server/src/xarm")
+        .into_iter()
+        .filter(|line| !line.file.starts_with(WIRE))
+        .collect();
     assert_absent(&lines, &["millimetres", "mm", "to_degrees", "to_radians"]);
 }
 
@@ -83,8 +96,23 @@ fn only_the_wire_knows_millimetres() {
 fn generators_are_made_in_one_place() {
     let mut lines = code_below("");
     lines.retain(|line| line.file != Path::new("lpr-core/src/rng.rs"));
-    assert_absent(&lines, &["seed_from_u64", "from_seed", "from_rng", "from_os_rng", "try_from_os_rng"]);
-    assert_absent(&lines, &["rand::random", "rand::rng", "thread_rng", "ThreadRng", "StdRng", "SmallRng", "SysRng", "OsRng"]);
+    assert_absent(
+        &lines,
+        &["seed_from_u64", "from_seed", "from_rng", "from_os_rng", "try_from_os_rng"],
+    );
+    assert_absent(
+        &lines,
+        &[
+            "rand::random",
+            "rand::rng",
+            "thread_rng",
+            "ThreadRng",
+            "StdRng",
+            "SmallRng",
+            "SysRng",
+            "OsRng",
+        ],
+    );
 }
 
 #[test]
@@ -92,20 +120,28 @@ fn nothing_that_decides_a_candidate_is_fused() {
     for module in ["path", "perception", "robot", "scene"] {
         let lines = code_below(&format!("lpr-core/src/{module}"));
         assert_absent(&lines, &["mul_add"]);
-        assert!(lines.iter().all(|line| !line.code.contains("fmadd")), "a fused intrinsic in {module}");
+        assert!(
+            lines.iter().all(|line| !line.code.contains("fmadd")),
+            "a fused intrinsic in {module}"
+        );
     }
 }
 
 #[test]
 fn files_are_short() {
-    let too_long = |file: &PathBuf| file.extension().is_some_and(|it| it == "rs") && read(file).lines().count() > MAX_LINES;
+    let too_long = |file: &PathBuf| {
+        file.extension().is_some_and(|it| it == "rs") && read(file).lines().count() > MAX_LINES
+    };
     let long: Vec<_> = project_files().into_iter().filter(too_long).collect();
     assert!(long.is_empty(), "over {MAX_LINES} lines: {long:?}");
 }
 
 #[test]
 fn every_toml_file_parses() {
-    let files: Vec<_> = project_files().into_iter().filter(|file| file.extension().is_some_and(|it| it == "toml")).collect();
+    let files: Vec<_> = project_files()
+        .into_iter()
+        .filter(|file| file.extension().is_some_and(|it| it == "toml"))
+        .collect();
     assert!(files.contains(&PathBuf::from("Cargo.toml")));
     for file in files {
         let parsed: Result<toml::Table, _> = toml::from_str(&read(&file));
@@ -119,11 +155,15 @@ fn no_file_names_a_place_on_one_machine() {
     let names_home = |line: &str| {
         homes.iter().any(|home| {
             // Part of a longer path or address otherwise.
-            line.match_indices(home.as_str())
-                .any(|(at, _)| !line[..at].ends_with(|c: char| c.is_alphanumeric() || "._~-".contains(c)))
+            line.match_indices(home.as_str()).any(|(at, _)| {
+                !line[..at].ends_with(|c: char| c.is_alphanumeric() || "._~-".contains(c))
+            })
         })
     };
-    assert!(names_home(&format!("see {}a", homes[0])) && !names_home(&format!("https://example.org{}a", homes[0])));
+    assert!(
+        names_home(&format!("see {}a", homes[0]))
+            && !names_home(&format!("https://example.org{}a", homes[0]))
+    );
     for file in project_files() {
         let Ok(text) = std::fs::read_to_string(workspace().join(&file)) else { continue };
         let found: Vec<_> = text.lines().filter(|line| names_home(line)).collect();

@@ -1,4 +1,5 @@
-//! What every command says of input that it cannot use: one line that names it, and nothing half-written.
+//! What every command says of input that it cannot use: one line that names it, and nothing
+//! half-written.
 
 use crate::lpr::{Folder, command, files_below, json, refusal, refusal_of};
 use crate::runs::preset;
@@ -20,20 +21,53 @@ fn refused(arguments: &[&str], status: i32) -> String {
 fn unknown_names_are_told_with_those_that_exist() {
     let train = ["train", "reach_target", "--out", "run"];
     let cases: [(&[&str], &str); 16] = [
-        (&["demo", "make_coffee", "--out", "run"], "unknown task 'make_coffee', known: reach_target"),
+        (
+            &["demo", "make_coffee", "--out", "run"],
+            "unknown task 'make_coffee', known: reach_target",
+        ),
         (&["paths", "make_coffee"], "unknown task 'make_coffee', known: reach_target"),
-        (&["render", "make_coffee", "--out", "a.png"], "unknown task 'make_coffee', known: reach_target"),
-        (&["train", "make_coffee", "--out", "run"], "unknown task 'make_coffee', known: reach_target"),
-        (&["eval", "make_coffee", "--oracle-poses"], "unknown task 'make_coffee', known: reach_target"),
-        (&["demo", "reach_target", "--robot", "ur5", "--out", "run"], "unknown robot 'ur5', known: xarm7, panda"),
+        (
+            &["render", "make_coffee", "--out", "a.png"],
+            "unknown task 'make_coffee', known: reach_target",
+        ),
+        (
+            &["train", "make_coffee", "--out", "run"],
+            "unknown task 'make_coffee', known: reach_target",
+        ),
+        (
+            &["eval", "make_coffee", "--oracle-poses"],
+            "unknown task 'make_coffee', known: reach_target",
+        ),
+        (
+            &["demo", "reach_target", "--robot", "ur5", "--out", "run"],
+            "unknown robot 'ur5', known: xarm7, panda",
+        ),
         (&["paths", "reach_target", "--robot", "ur5"], "unknown robot 'ur5', known: xarm7, panda"),
-        (&["render", "reach_target", "--robot", "ur5", "--out", "a.png"], "unknown robot 'ur5', known: xarm7, panda"),
-        (&["fk", "--robot", "ur5", "--configs", "a.json"], "unknown robot 'ur5', known: xarm7, panda"),
-        (&["ik", "--robot", "ur5", "--poses", "a.json"], "unknown robot 'ur5', known: xarm7, panda"),
-        (&["train", "reach_target", "--out", "run", "--robot", "ur5"], "unknown robot 'ur5', known: xarm7, panda"),
+        (
+            &["render", "reach_target", "--robot", "ur5", "--out", "a.png"],
+            "unknown robot 'ur5', known: xarm7, panda",
+        ),
+        (
+            &["fk", "--robot", "ur5", "--configs", "a.json"],
+            "unknown robot 'ur5', known: xarm7, panda",
+        ),
+        (
+            &["ik", "--robot", "ur5", "--poses", "a.json"],
+            "unknown robot 'ur5', known: xarm7, panda",
+        ),
+        (
+            &["train", "reach_target", "--out", "run", "--robot", "ur5"],
+            "unknown robot 'ur5', known: xarm7, panda",
+        ),
         (&["eval", "run", "--robot", "ur5"], "unknown robot 'ur5', known: xarm7, panda"),
-        (&["train", "reach_target", "--out", "run", "--method", "guess"], "unknown method `guess`, known: lpr"),
-        (&["eval", "reach_target", "--oracle-poses", "--method", "guess"], "unknown method `guess`, known: lpr"),
+        (
+            &["train", "reach_target", "--out", "run", "--method", "guess"],
+            "unknown method `guess`, known: lpr",
+        ),
+        (
+            &["eval", "reach_target", "--oracle-poses", "--method", "guess"],
+            "unknown method `guess`, known: lpr",
+        ),
         (&["fly"], "'fly'"),
         (&["tasks", "--jsno"], "'--jsno'"),
     ];
@@ -79,7 +113,10 @@ fn preset_refusal_for(task: &str, text: impl AsRef<[u8]>) -> String {
     let folder = Folder::new();
     let file = folder.write("mine.toml", text);
     let out = folder.at("run");
-    let error = refusal(&["train", task, "--oracle-poses", "--preset", &file, "--out", &out, "--env-steps", "1"], 1);
+    let error = refusal(
+        &["train", task, "--oracle-poses", "--preset", &file, "--out", &out, "--env-steps", "1"],
+        1,
+    );
     assert_eq!(files_below(folder.path()).len(), 1, "{error}");
     error.strip_prefix(&format!("{file}: ")).unwrap_or(&error).to_owned()
 }
@@ -95,12 +132,18 @@ fn a_preset_file_is_refused_by_the_setting_at_fault() {
         (replaced("bezier_paths", "bezeir_paths"), "unknown field `bezeir_paths`"),
         (replaced("bezier_paths = 2\n", ""), "missing field `bezier_paths`"),
         (replaced("[policy]", "[polcy]"), "polcy"),
-        (replaced("bezier_paths = 2", "bezier_paths = -2"), "candidates.bezier_paths: expected a finite number from 0, found -2"),
+        (
+            replaced("bezier_paths = 2", "bezier_paths = -2"),
+            "candidates.bezier_paths: expected a finite number from 0, found -2",
+        ),
         (replaced("bezier_paths = 2", "bezier_paths = \"two\""), "invalid type: string \"two\""),
         (replaced("bezier_paths = 2", "bezier_paths = 2.5"), "invalid type: floating point `2.5`"),
         (replaced("bezier_paths = 2", "bezier_paths ="), "TOML parse error"),
         (replaced("config_widths = [8, 16]", "config_widths = 8"), "invalid type: integer `8`"),
-        (replaced("sigma = 0.07", "sigma = nan"), "candidates.bezier.sigma: expected a finite number from 0, found NaN"),
+        (
+            replaced("sigma = 0.07", "sigma = nan"),
+            "candidates.bezier.sigma: expected a finite number from 0, found NaN",
+        ),
         (replaced("sigma = 0.07", "sigma = -inf"), "candidates.bezier.sigma"),
         (replaced("sigma = 0.07", "sigma = 1e400"), "TOML parse error"),
         (String::new(), "missing field `candidates`"),
@@ -144,7 +187,9 @@ fn settings_that_cannot_work_are_named_before_anything_is_written() {
         let error = preset_refusal(preset(&[(setting, value)]));
         let (module, name) = setting.split_once('.').unwrap();
         let name = name.rsplit('.').next().unwrap();
-        let says_which = error.contains(name) || error.contains("every layer") || error.contains("paths times draws_per_path");
+        let says_which = error.contains(name)
+            || error.contains("every layer")
+            || error.contains("paths times draws_per_path");
         assert!(error.contains(module) && says_which, "{setting} = {value}: {error}");
     }
 }
@@ -163,7 +208,15 @@ fn a_run_that_is_called_like_a_preset_does_not_hide_it() {
     let mut train = command(&["train", "reach_target", "--out", "fast"]);
     train.current_dir(folder.path());
     assert!(refusal_of(train, 1).starts_with("fast: is not empty"));
-    let mut eval = command(&["eval", "reach_target", "--oracle-poses", "--method", "linear", "--episodes", "1"]);
+    let mut eval = command(&[
+        "eval",
+        "reach_target",
+        "--oracle-poses",
+        "--method",
+        "linear",
+        "--episodes",
+        "1",
+    ]);
     assert!(eval.current_dir(folder.path()).output().unwrap().status.success());
 }
 
@@ -179,13 +232,25 @@ fn files_of_poses_and_configurations_are_refused_by_their_field() {
         ("fk", nested, "invalid type: sequence"),
         ("fk", "{}".to_owned(), "missing field `configs`"),
         ("fk", format!(r#"{{"configs": [{config}], "poses": []}}"#), "unknown field `poses`"),
-        ("fk", format!(r#"{{"configs": [{config}, [0, 0, 0]]}}"#), "configs[1]: has 3 joint angles, xarm7 has 7"),
-        ("fk", r#"{"configs": [[0, 0, 0, "0", 0, 0, 0]]}"#.to_owned(), "configs[0][3]: invalid type: string"),
+        (
+            "fk",
+            format!(r#"{{"configs": [{config}, [0, 0, 0]]}}"#),
+            "configs[1]: has 3 joint angles, xarm7 has 7",
+        ),
+        (
+            "fk",
+            r#"{"configs": [[0, 0, 0, "0", 0, 0, 0]]}"#.to_owned(),
+            "configs[0][3]: invalid type: string",
+        ),
         ("fk", r#"{"configs": [[0, 0, 0, NaN, 0, 0, 0]]}"#.to_owned(), "expected value"),
         ("fk", r#"{"configs": [[0, 0, 0, 1e39, 0, 0, 0]]}"#.to_owned(), "configs[0]"),
         ("fk", format!(r#"{{"configs": [{config}]}} and more"#), "trailing characters"),
         ("ik", pose(r#""rotation_xyzw": [0, 0, 0, 2]"#), "poses[0].rotation_xyzw: has norm 2"),
-        ("ik", pose(r#""rotation_xyzw": [1e200, 0, 0, 0]"#), "poses[0].rotation_xyzw: has norm inf"),
+        (
+            "ik",
+            pose(r#""rotation_xyzw": [1e200, 0, 0, 0]"#),
+            "poses[0].rotation_xyzw: has norm inf",
+        ),
         ("ik", pose(r#""rotation_xyzw": [0, 0, 1]"#), "poses[0].rotation_xyzw: invalid length 3"),
         ("ik", pose(r#""quaternion": [0, 0, 0, 1]"#), "poses[0].quaternion: unknown field"),
         (
@@ -199,7 +264,10 @@ fn files_of_poses_and_configurations_are_refused_by_their_field() {
         assert!(error.contains(says), "{command} {text:.60}: {error}");
     }
     assert!(file_refusal("fk", "a.json", &[b'"', 0xff, b'"']).contains("invalid unicode"));
-    assert!(file_refusal("fk", "a.json.gz", br#"{"configs": []}"#).contains("cannot read: invalid gzip header"));
+    assert!(
+        file_refusal("fk", "a.json.gz", br#"{"configs": []}"#)
+            .contains("cannot read: invalid gzip header")
+    );
     for option in [["fk", "--configs"], ["ik", "--poses"]] {
         let folder = Folder::new();
         let path = folder.at("");
@@ -228,7 +296,17 @@ fn what_is_there_is_not_overwritten() {
     let before = files_below(folder.path());
     let below_file = folder.at("file/run");
     for out in [&kept, &folder.at("file"), &below_file] {
-        let train = ["train", "reach_target", "--oracle-poses", "--preset", &preset, "--env-steps", "1", "--out", out];
+        let train = [
+            "train",
+            "reach_target",
+            "--oracle-poses",
+            "--preset",
+            &preset,
+            "--env-steps",
+            "1",
+            "--out",
+            out,
+        ];
         for arguments in [&["demo", "reach_target", "--episodes", "1", "--out", out][..], &train] {
             let error = refusal(arguments, 1);
             assert!(error.starts_with(&format!("{out}: ")), "{error}");
@@ -238,7 +316,8 @@ fn what_is_there_is_not_overwritten() {
     }
     assert!(files_below(folder.path()) == before, "something was written");
     // Without a name it would be the current directory.
-    let mut here = command(&["train", "reach_target", "--oracle-poses", "--preset", &preset, "--out", ""]);
+    let mut here =
+        command(&["train", "reach_target", "--oracle-poses", "--preset", &preset, "--out", ""]);
     here.current_dir(folder.path());
     assert!(refusal_of(here, 2).contains("--out"));
     let picture = folder.at("no/such/directory/a.png");

@@ -30,11 +30,15 @@ impl Victim {
         self.checkpoint.join(name)
     }
 
-    /// What `lpr train --resume` says of the checkpoint, after its directory. Nothing in the run may change.
+    /// What `lpr train --resume` says of the checkpoint, after its directory. Nothing in the run
+    /// may change.
     #[track_caller]
     fn resume_refusal(&self) -> String {
         let before = files_below(&self.run);
-        let error = refusal(&[&self.runs.arguments(ORACLE, "run")[..], &["--resume".to_owned()]].concat(), 1);
+        let error = refusal(
+            &[&self.runs.arguments(ORACLE, "run")[..], &["--resume".to_owned()]].concat(),
+            1,
+        );
         assert!(files_below(&self.run) == before, "{error}: the run was changed");
         self.after_directory(&error)
     }
@@ -48,7 +52,10 @@ impl Victim {
     #[track_caller]
     fn after_directory(&self, error: &str) -> String {
         let directory = self.checkpoint.to_str().unwrap();
-        error.strip_prefix(directory).unwrap_or_else(|| panic!("{error}: does not name {directory}")).to_owned()
+        error
+            .strip_prefix(directory)
+            .unwrap_or_else(|| panic!("{error}: does not name {directory}"))
+            .to_owned()
     }
 
     /// Calls `check` while file `name` has other content.
@@ -98,12 +105,19 @@ fn flipped_bits_and_cut_files_are_refused_by_name() {
 #[test]
 fn no_flipped_bit_of_the_header_of_the_weights_goes_unnoticed() {
     let runs = Runs::new();
-    let weights = fs::read(newest_checkpoint(&runs.train(ORACLE, "run")).join("weights.safetensors")).unwrap();
+    let weights =
+        fs::read(newest_checkpoint(&runs.train(ORACLE, "run")).join("weights.safetensors"))
+            .unwrap();
     let rng = &mut stream(8, Stream::Noise, 0);
     for place in 0..header(&weights).end {
         let mut damaged = weights.clone();
         damaged[place] ^= 1 << rng.random_range(0..8);
-        assert!(load_agent(&damaged).is_err(), "byte {place}: {:#x} instead of {:#x}", damaged[place], weights[place]);
+        assert!(
+            load_agent(&damaged).is_err(),
+            "byte {place}: {:#x} instead of {:#x}",
+            damaged[place],
+            weights[place]
+        );
     }
 }
 
@@ -114,10 +128,13 @@ fn header(weights: &[u8]) -> Range<usize> {
 
 /// FNV-1a, with which checkpoints tell damage.
 fn digest(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, &byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+    })
 }
 
-/// The file of a program whose configuration says `to` in place of `from`: intact, with the digest that belongs to it.
+/// The file of a program whose configuration says `to` in place of `from`: intact, with the digest
+/// that belongs to it.
 fn rewritten(weights: &[u8], from: &str, to: &str) -> Vec<u8> {
     let place = header(weights);
     let (mut json, data): (serde_json::Value, _) =
@@ -127,7 +144,8 @@ fn rewritten(weights: &[u8], from: &str, to: &str) -> Vec<u8> {
     let digest_of = |text: &str| {
         let tensors = json.as_object().unwrap().iter().filter(|(name, _)| *name != "__metadata__");
         tensors.fold(digest(text.as_bytes()), |sum, (name, tensor)| {
-            let [from, to] = [0, 1].map(|end| tensor["data_offsets"][end].as_u64().unwrap() as usize);
+            let [from, to] =
+                [0, 1].map(|end| tensor["data_offsets"][end].as_u64().unwrap() as usize);
             sum.wrapping_add(digest(&[name.as_bytes(), &data[from..to]].concat()))
         })
     };
@@ -161,7 +179,10 @@ fn foreign_and_newer_checkpoints_are_refused_by_what_differs() {
     }
     let moved = rewritten(&weights, "task = \"toilet_seat_up\"", "task = \"open_drawer\"");
     victim.with("weights.safetensors", &moved, |victim| {
-        assert_eq!(victim.resume_refusal(), ": of task `open_drawer`, asked to resume `toilet_seat_up`");
+        assert_eq!(
+            victim.resume_refusal(),
+            ": of task `open_drawer`, asked to resume `toilet_seat_up`"
+        );
     });
 }
 
@@ -195,7 +216,10 @@ fn a_checkpoint_of_another_run_is_not_resumed() {
         assert!(files_below(&victim.run) == before, "{error}: the run was changed");
         error
     };
-    assert_eq!(refused("toilet_seat_up", &["reach_target"]), ": of task `toilet_seat_up`, asked to resume `reach_target`");
+    assert_eq!(
+        refused("toilet_seat_up", &["reach_target"]),
+        ": of task `toilet_seat_up`, asked to resume `reach_target`"
+    );
     assert_eq!(refused("3", &["4"]), ": of seed `3`, asked to resume `4`");
     let with_poses = |rest: &'static [&'static str]| [&["--oracle-poses"], rest].concat();
     let error = refused("--oracle-poses", &with_poses(&["--method", "c2farm"]));
@@ -208,7 +232,11 @@ fn a_checkpoint_of_another_run_is_not_resumed() {
     let seed = other.iter().position(|argument| argument == "3").unwrap();
     other[seed] = "4".to_owned();
     crate::lpr::json(&other);
-    exchange(&newest_checkpoint(&victim.runs.folder.path().join("other")), &victim.checkpoint, "state.bin");
+    exchange(
+        &newest_checkpoint(&victim.runs.folder.path().join("other")),
+        &victim.checkpoint,
+        "state.bin",
+    );
     assert_eq!(victim.resume_refusal(), ": weights and state are not of one checkpoint");
 }
 
@@ -230,7 +258,11 @@ fn what_is_missing_is_named() {
         let error = refusal(&arguments, 1);
         assert_eq!(
             error,
-            format!("{}: {}", victim.run.display(), "holds no checkpoint: not a run directory, or a run that had not saved yet")
+            format!(
+                "{}: {}",
+                victim.run.display(),
+                "holds no checkpoint: not a run directory, or a run that had not saved yet"
+            )
         );
         // Nor does a directory without `checkpoints`, or none at all.
         let _ = fs::remove_dir_all(&victim.run);

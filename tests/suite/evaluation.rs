@@ -14,7 +14,9 @@ const Z: f64 = 1.959_963_984_540_054;
 #[track_caller]
 fn assert_consistent(report: &Value) {
     let count = |key: &str| report[key].as_u64().unwrap_or_else(|| panic!("{key}: {report}"));
-    let sum = |key: &str| report[key].as_object().unwrap().values().map(|n| n.as_u64().unwrap()).sum::<u64>();
+    let sum = |key: &str| {
+        report[key].as_object().unwrap().values().map(|n| n.as_u64().unwrap()).sum::<u64>()
+    };
     let (episodes, successes, steps) = (count("episodes"), count("successes"), count("steps"));
     assert_eq!(sum("failures") + successes, episodes, "{report}");
     assert!(sum("chosen") <= steps && steps >= episodes && steps <= 10 * episodes, "{report}");
@@ -22,7 +24,12 @@ fn assert_consistent(report: &Value) {
     let share = successes as f64 / episodes as f64;
     assert!((report["success_rate"].as_f64().unwrap() - share).abs() < 1e-12);
     // Wilson's bounds are where the observed share is Z standard errors of the true one away.
-    let bounds: Vec<f64> = report["wilson95"].as_array().unwrap().iter().map(|bound| bound.as_f64().unwrap()).collect();
+    let bounds: Vec<f64> = report["wilson95"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|bound| bound.as_f64().unwrap())
+        .collect();
     assert_eq!(bounds.len(), 2);
     for bound in &bounds {
         let score = (share - bound).powi(2) * episodes as f64 - Z * Z * bound * (1.0 - bound);
@@ -60,7 +67,10 @@ fn the_interval_is_that_of_scipy() {
     ];
     for ((successes, trials), expected) in cases {
         let found = wilson_interval(successes, trials, Z);
-        assert!((0..2).all(|side| (found[side] - expected[side]).abs() < 1e-12), "{successes} of {trials}: {found:?}");
+        assert!(
+            (0..2).all(|side| (found[side] - expected[side]).abs() < 1e-12),
+            "{successes} of {trials}: {found:?}"
+        );
     }
 }
 
@@ -68,10 +78,22 @@ fn the_interval_is_that_of_scipy() {
 fn every_method_without_weights_reports_all_fields() {
     let methods = ["c2farm", "linear", "shortest-free", "random", "best-of-all"];
     for method in methods {
-        let report =
-            json(&["eval", "toilet_seat_up", "--oracle-poses", "--method", method, "--episodes", "2", "--robot", "panda"]);
+        let report = json(&[
+            "eval",
+            "toilet_seat_up",
+            "--oracle-poses",
+            "--method",
+            method,
+            "--episodes",
+            "2",
+            "--robot",
+            "panda",
+        ]);
         assert_consistent(&report);
-        assert_eq!((&report["task"], &report["method"]), (&"toilet_seat_up".into(), &method.into()));
+        assert_eq!(
+            (&report["task"], &report["method"]),
+            (&"toilet_seat_up".into(), &method.into())
+        );
         assert_eq!((&report["observations"], &report["policy_valid"]), (&"own".into(), &0.into()));
     }
 }
@@ -83,7 +105,8 @@ fn episodes_do_not_depend_on_each_other() {
         let run = runs.train(kind, kind.task);
         let run = run.to_str().unwrap();
         let eval = |seed: u64, n: u64| {
-            let report = json(&["eval", run, "--seed", &seed.to_string(), "--episodes", &n.to_string()]);
+            let report =
+                json(&["eval", run, "--seed", &seed.to_string(), "--episodes", &n.to_string()]);
             assert_consistent(&report);
             report
         };
@@ -93,7 +116,8 @@ fn episodes_do_not_depend_on_each_other() {
             assert_eq!(together[key], total(&apart, key), "{key}");
         }
         // The run's own final evaluation is that of its last checkpoint in the test scenes.
-        let summary: Value = serde_json::from_slice(&std::fs::read(format!("{run}/summary.json")).unwrap()).unwrap();
+        let summary: Value =
+            serde_json::from_slice(&std::fs::read(format!("{run}/summary.json")).unwrap()).unwrap();
         assert_eq!(summary["eval"], json(&["eval", run]));
         assert_eq!(summary["eval"]["episodes"], 100);
     }
@@ -106,25 +130,44 @@ fn other_observations_change_what_is_seen_and_nothing_else() {
     let run = runs.train(LEARNED, "run");
     let run = run.to_str().unwrap();
     let before = files_below(runs.folder.path());
-    let eval = |observations: &str| json(&["eval", run, "--episodes", "12", "--observations", observations]);
+    let eval = |observations: &str| {
+        json(&["eval", run, "--episodes", "12", "--observations", observations])
+    };
     let own = eval("own");
     assert_eq!(own, json(&["eval", run, "--episodes", "12"]));
     for observations in ["blank", "foreign"] {
         let report = eval(observations);
         assert_consistent(&report);
-        assert_eq!((&report["observations"], &report["episodes"]), (&observations.into(), &12.into()));
+        assert_eq!(
+            (&report["observations"], &report["episodes"]),
+            (&observations.into(), &12.into())
+        );
         assert_eq!(report, eval(observations));
         let keys = |report: &Value| report.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
         assert_eq!(keys(&report), keys(&own));
         // Other poses lead to other candidates: an agent that does not look would do the same.
-        assert!(["chosen", "failures", "steps"].iter().any(|key| report[*key] != own[*key]), "{report}");
+        assert!(
+            ["chosen", "failures", "steps"].iter().any(|key| report[*key] != own[*key]),
+            "{report}"
+        );
     }
     assert!(files_below(runs.folder.path()) == before, "evaluating changes no file");
 }
 
 #[test]
 fn observations_are_only_those_of_poses_that_are_learned() {
-    let error = refusal(&["eval", "reach_target", "--oracle-poses", "--method", "linear", "--observations", "blank"], 2);
+    let error = refusal(
+        &[
+            "eval",
+            "reach_target",
+            "--oracle-poses",
+            "--method",
+            "linear",
+            "--observations",
+            "blank",
+        ],
+        2,
+    );
     assert!(error.starts_with("--observations: "), "{error}");
     let error = refusal(&["eval", "run", "--observations", "dark"], 2);
     assert!(error.contains("'dark'") && error.contains("own, blank, foreign"), "{error}");
@@ -133,14 +176,20 @@ fn observations_are_only_those_of_poses_that_are_learned() {
 #[test]
 fn what_cannot_be_evaluated_is_named() {
     let folder = Folder::new();
-    let oracle = |rest: &[&str], status: i32| refusal(&[&["eval", "--oracle-poses"], rest].concat(), status);
+    let oracle =
+        |rest: &[&str], status: i32| refusal(&[&["eval", "--oracle-poses"], rest].concat(), status);
     assert!(refusal(&["eval", "run", "--episodes", "0"], 2).contains("0 is not in 1..=100000"));
     assert!(refusal(&["eval", "run", "--episodes", "-1"], 2).contains("'-1'"));
     let largest = u64::MAX.to_string();
     let error = refusal(&["eval", "run", "--seed", &largest, "--episodes", "2"], 2);
     assert!(error.starts_with(&format!("--seed {largest}: ")), "{error}");
-    assert!(oracle(&["make_coffee"], 2).contains("unknown task 'make_coffee', known: reach_target"));
-    assert!(oracle(&["reach_target", "--method", "guess"], 2).contains("unknown method `guess`, known: lpr"));
+    assert!(
+        oracle(&["make_coffee"], 2).contains("unknown task 'make_coffee', known: reach_target")
+    );
+    assert!(
+        oracle(&["reach_target", "--method", "guess"], 2)
+            .contains("unknown method `guess`, known: lpr")
+    );
     assert!(oracle(&["reach_target", "--method", "lpr"], 2).contains("--checkpoint"));
     assert!(refusal(&["eval", "run", "--method", "lpr"], 2).contains("--oracle-poses"));
     assert!(refusal(&["eval", &folder.at("none")], 1).contains("holds no checkpoint"));
@@ -153,16 +202,30 @@ fn a_run_is_not_evaluated_as_something_else() {
     let run = run.to_str().unwrap();
     let error = |arguments: &[&str]| {
         let error = refusal(arguments, 1);
-        error.strip_prefix(&format!("{run}: is a run of ")).unwrap_or_else(|| panic!("{error}")).to_owned()
+        error
+            .strip_prefix(&format!("{run}: is a run of "))
+            .unwrap_or_else(|| panic!("{error}"))
+            .to_owned()
     };
-    assert_eq!(error(&["eval", run, "--robot", "panda"]), "robot `xarm7`, asked to evaluate `panda`");
+    assert_eq!(
+        error(&["eval", run, "--robot", "panda"]),
+        "robot `xarm7`, asked to evaluate `panda`"
+    );
     let checkpoint = ["--oracle-poses", "--checkpoint", run];
     let with = |rest: &[&str]| error(&[&["eval"], rest, &checkpoint].concat());
     assert_eq!(with(&["open_drawer"]), "task `reach_target`, asked to evaluate `open_drawer`");
-    assert_eq!(with(&["reach_target", "--method", "linear"]), "method `lpr`, asked to evaluate `linear`");
-    // With the demonstrator's poses, the paths that it has learned remain: its poses are poor, its paths are straight enough.
-    let report = json(&["eval", "reach_target", "--oracle-poses", "--checkpoint", run, "--episodes", "5"]);
+    assert_eq!(
+        with(&["reach_target", "--method", "linear"]),
+        "method `lpr`, asked to evaluate `linear`"
+    );
+    // With the demonstrator's poses, the paths that it has learned remain: its poses are poor, its
+    // paths are straight enough.
+    let report =
+        json(&["eval", "reach_target", "--oracle-poses", "--checkpoint", run, "--episodes", "5"]);
     assert_consistent(&report);
-    assert!(report["successes"].as_u64() >= Some(4) && report["policy_valid"].as_u64() > Some(0), "{report}");
+    assert!(
+        report["successes"].as_u64() >= Some(4) && report["policy_valid"].as_u64() > Some(0),
+        "{report}"
+    );
     assert_eq!(report["method"], "lpr");
 }

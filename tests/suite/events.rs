@@ -35,12 +35,20 @@ enum Field<'a> {
 /// All scalars of a run in the order of the file.
 pub(crate) fn scalars(run: &Path) -> Vec<Scalar> {
     let scalar = |step: u64| move |(tag, value)| Scalar { step, tag, value };
-    events(run).into_iter().flat_map(|event| event.values.into_iter().map(scalar(event.step))).collect()
+    events(run)
+        .into_iter()
+        .flat_map(|event| event.values.into_iter().map(scalar(event.step)))
+        .collect()
 }
 
 fn events(run: &Path) -> Vec<Event> {
-    let is_event_file = |path: &PathBuf| path.file_name().unwrap().to_str().unwrap().contains("tfevents");
-    let mut files: Vec<_> = fs::read_dir(run).unwrap().map(|entry| entry.unwrap().path()).filter(is_event_file).collect();
+    let is_event_file =
+        |path: &PathBuf| path.file_name().unwrap().to_str().unwrap().contains("tfevents");
+    let mut files: Vec<_> = fs::read_dir(run)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .filter(is_event_file)
+        .collect();
     assert_eq!(files.len(), 1, "{files:?}");
     let bytes = fs::read(files.remove(0)).unwrap();
     records(&bytes).into_iter().map(event).collect()
@@ -53,7 +61,8 @@ fn records(mut bytes: &[u8]) -> Vec<&[u8]> {
         let (length, rest) = bytes.split_at(8);
         let (length_crc, rest) = rest.split_at(4);
         assert_eq!(u32::from_le_bytes(length_crc.try_into().unwrap()), masked_crc32c(length));
-        let (content, rest) = rest.split_at(u64::from_le_bytes(length.try_into().unwrap()) as usize);
+        let (content, rest) =
+            rest.split_at(u64::from_le_bytes(length.try_into().unwrap()) as usize);
         let (content_crc, rest) = rest.split_at(4);
         assert_eq!(u32::from_le_bytes(content_crc.try_into().unwrap()), masked_crc32c(content));
         records.push(content);
@@ -80,8 +89,12 @@ fn event(message: &[u8]) -> Event {
         match field {
             (1, Field::Fixed64(bytes)) => event.wall_time = f64::from_le_bytes(bytes),
             (2, Field::Varint(step)) => event.step = step,
-            (3, Field::Bytes(version)) => event.file_version = String::from_utf8(version.to_vec()).unwrap(),
-            (5, Field::Bytes(summary)) => event.values = fields(summary).iter().map(summary_value).collect(),
+            (3, Field::Bytes(version)) => {
+                event.file_version = String::from_utf8(version.to_vec()).unwrap()
+            }
+            (5, Field::Bytes(summary)) => {
+                event.values = fields(summary).iter().map(summary_value).collect()
+            }
             (number, _) => panic!("an event has no field {number} of this type"),
         }
     }
@@ -149,8 +162,11 @@ fn assert_events_are_the_metrics(run: &Path) {
     assert_eq!(events.len(), points.len() + 1);
     for (event, point) in events[1..].iter().zip(points) {
         assert_eq!(point["env_steps"], event.step);
-        let values = point.iter().filter(|(key, _)| !["env_steps", "updates", "wall_seconds"].contains(&key.as_str()));
-        let expected: BTreeMap<_, _> = values.map(|(key, value)| (key.clone(), value.as_f64().unwrap() as f32)).collect();
+        let values = point
+            .iter()
+            .filter(|(key, _)| !["env_steps", "updates", "wall_seconds"].contains(&key.as_str()));
+        let expected: BTreeMap<_, _> =
+            values.map(|(key, value)| (key.clone(), value.as_f64().unwrap() as f32)).collect();
         assert!(expected.len() >= 3, "{point:?}");
         assert_eq!(event.values.iter().cloned().collect::<BTreeMap<_, _>>(), expected);
         assert_eq!(event.values.len(), expected.len(), "a tag stands twice in {event:?}");
@@ -160,13 +176,19 @@ fn assert_events_are_the_metrics(run: &Path) {
 #[test]
 fn the_checksum_is_that_of_rfc_3720() {
     // The unmasked checksum of 32 zeros is 8a9136aa.
-    assert_eq!(masked_crc32c(&[0; 32]), (0x8a91_36aa_u32.rotate_right(15)).wrapping_add(0xa282_ead8));
+    assert_eq!(
+        masked_crc32c(&[0; 32]),
+        (0x8a91_36aa_u32.rotate_right(15)).wrapping_add(0xa282_ead8)
+    );
 }
 
 #[test]
 fn every_scalar_of_the_event_file_is_in_the_metrics() {
     let runs = Runs::new();
-    for (kind, tags) in [(ORACLE, ["losses/ranker", "episode/success"]), (LEARNED, ["losses/q_attention", "value/pose"])] {
+    for (kind, tags) in [
+        (ORACLE, ["losses/ranker", "episode/success"]),
+        (LEARNED, ["losses/q_attention", "value/pose"]),
+    ] {
         let run = runs.train(kind, kind.task);
         assert_events_are_the_metrics(&run);
         let scalars = scalars(&run);

@@ -1,4 +1,5 @@
-//! Runs that are killed and resumed end as if nothing had happened, and so do runs with another number of threads.
+//! Runs that are killed and resumed end as if nothing had happened, and so do runs with another
+//! number of threads.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -29,7 +30,8 @@ enum Killed {
     Never,
 }
 
-/// Kills the run once: at odd turns while it writes one of the next checkpoints, else within `longest`.
+/// Kills the run once: at odd turns while it writes one of the next checkpoints, else within
+/// `longest`.
 fn kill(mut child: Child, run: &Path, turn: usize, longest: Duration, rng: &mut Rng) -> Killed {
     if turn % 2 == 1 {
         wait_for_partial(&mut child, run, rng.random_range(1..4));
@@ -62,7 +64,9 @@ fn wait_for_partial(child: &mut Child, run: &Path, n: usize) {
 
 fn has_partial(run: &Path) -> bool {
     let Ok(entries) = fs::read_dir(run.join("checkpoints")) else { return false };
-    entries.filter_map(Result::ok).any(|entry| entry.file_name().to_str().unwrap().ends_with(".partial"))
+    entries
+        .filter_map(Result::ok)
+        .any(|entry| entry.file_name().to_str().unwrap().ends_with(".partial"))
 }
 
 /// Starts or resumes a run; one that was killed before its first checkpoint starts anew.
@@ -81,7 +85,8 @@ fn start(arguments: &[String], run: &Path) -> Child {
     command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
 }
 
-/// Kills a run again and again, resumes it, and compares what it leaves with what an uninterrupted one does.
+/// Kills a run again and again, resumes it, and compares what it leaves with what an uninterrupted
+/// one does.
 fn assert_kills_change_nothing(kind: Kind) {
     let runs = Runs::new();
     let started = Instant::now();
@@ -103,12 +108,16 @@ fn assert_kills_change_nothing(kind: Kind) {
             }
         }
         assert!(start(&arguments, &run).wait().unwrap().success(), "trial {trial}");
-        let what = format!("trial {trial} after {n_inside} kills inside a write and {n_elsewhere} elsewhere");
+        let what = format!(
+            "trial {trial} after {n_inside} kills inside a write and {n_elsewhere} elsewhere"
+        );
         Outcome::of(&run).assert_same(&whole, &what);
         assert!(!has_partial(&run), "{what}: something was left behind");
         trial += 1;
     }
-    let counts = format!("{trial} runs, {n_inside} kills inside a checkpoint's write, {n_elsewhere} elsewhere");
+    let counts = format!(
+        "{trial} runs, {n_inside} kills inside a checkpoint's write, {n_elsewhere} elsewhere"
+    );
     // For people who run `make faults`; nobody may be listening.
     let _ = writeln!(io::stderr(), "{kind:?}: {counts}");
 }
@@ -139,7 +148,11 @@ fn demonstrations_are_whole_or_absent_when_the_command_is_killed() {
         child.kill().unwrap();
         child.wait().unwrap();
         let n_files = |out: &str| fs::read_dir(out).map_or(0, Iterator::count);
-        assert!(!Path::new(&out).exists() || n_files(&out) == n_files(&whole), "{} files", n_files(&out));
+        assert!(
+            !Path::new(&out).exists() || n_files(&out) == n_files(&whole),
+            "{} files",
+            n_files(&out)
+        );
     }
 }
 
@@ -148,7 +161,8 @@ fn a_checkpoint_that_was_being_written_is_neither_read_nor_kept() {
     let runs = Runs::new();
     let whole = runs.train(ORACLE, "whole");
     let expected = Outcome::of(&whole);
-    // What a kill inside the write of the last checkpoint leaves: nothing after the one before it is on disk for certain.
+    // What a kill inside the write of the last checkpoint leaves: nothing after the one before it
+    // is on disk for certain.
     let last = runs::newest_checkpoint(&whole);
     let partial = whole.join("checkpoints/.Zx81aa.partial");
     fs::rename(&last, &partial).unwrap();

@@ -10,7 +10,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use tempfile::TempDir;
 
-/// A command of the binary that stands beside this test's directory: building the tests of the workspace builds it, too.
+/// A command of the binary that stands beside this test's directory: building the tests of the
+/// workspace builds it, too.
 pub(crate) fn command<S: AsRef<OsStr>>(arguments: &[S]) -> Command {
     let mut command = Command::new(binary());
     command.args(arguments);
@@ -20,8 +21,13 @@ pub(crate) fn command<S: AsRef<OsStr>>(arguments: &[S]) -> Command {
 /// Where the binary is.
 pub(crate) fn binary() -> PathBuf {
     let test = std::env::current_exe().unwrap();
-    let binary = test.ancestors().nth(2).unwrap().join(format!("lpr{}", std::env::consts::EXE_SUFFIX));
-    assert!(binary.is_file(), "{} is missing: build the whole workspace, not only this package", binary.display());
+    let binary =
+        test.ancestors().nth(2).unwrap().join(format!("lpr{}", std::env::consts::EXE_SUFFIX));
+    assert!(
+        binary.is_file(),
+        "{} is missing: build the whole workspace, not only this package",
+        binary.display()
+    );
     binary
 }
 
@@ -51,7 +57,12 @@ pub(crate) fn refusal_of(mut command: Command, status: i32) -> String {
 
 /// The error of a command that may have told its progress before, in at most `most_lines`.
 #[track_caller]
-pub(crate) fn last_line_of_failure(command: &Command, output: &Output, status: i32, most_lines: usize) -> String {
+pub(crate) fn last_line_of_failure(
+    command: &Command,
+    output: &Output,
+    status: i32,
+    most_lines: usize,
+) -> String {
     let stderr = text(&output.stderr);
     assert_eq!(output.status.code(), Some(status), "{command:?}: {stderr}");
     assert_eq!(text(&output.stdout), "", "{command:?}: {stderr}");

@@ -11,7 +11,8 @@ use std::process::{Command, Stdio};
 
 /// Commands that print something, with the files that they read.
 fn printing_commands(folder: &Folder) -> Vec<Vec<String>> {
-    let configs = folder.write("configs.json", json!({"configs": vec![[0.0; 7]; 2000]}).to_string());
+    let configs =
+        folder.write("configs.json", json!({"configs": vec![[0.0; 7]; 2000]}).to_string());
     let poses = json!({"position": [0.3, 0.0, 0.3], "rotation_xyzw": [1, 0, 0, 0]});
     let poses = folder.write("poses.json", json!({"poses": [poses]}).to_string());
     let commands = [
@@ -33,10 +34,15 @@ fn printing_commands(folder: &Folder) -> Vec<Vec<String>> {
 fn a_reader_that_has_seen_enough_is_no_failure() {
     let folder = Folder::new();
     for arguments in printing_commands(&folder) {
-        let mut child = command(&arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let mut child =
+            command(&arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         drop(child.stdout.take());
         let output = child.wait_with_output().unwrap();
-        assert_eq!((output.status.code(), text(&output.stderr).as_str()), (Some(0), ""), "{arguments:?}");
+        assert_eq!(
+            (output.status.code(), text(&output.stderr).as_str()),
+            (Some(0), ""),
+            "{arguments:?}"
+        );
     }
 }
 
@@ -58,8 +64,8 @@ fn without_standard_error_the_status_still_tells() {
     assert_eq!(command.stderr(full).status().unwrap().code(), Some(1));
 }
 
-/// The command with a disk on which no file grows over `n_blocks` of 512 bytes: the limit of the process stands for one of the
-/// disk, which only root may make.
+/// The command with a disk on which no file grows over `n_blocks` of 512 bytes: the limit of the
+/// process stands for one of the disk, which only root may make.
 fn with_small_disk(n_blocks: u64, arguments: &[impl AsRef<str>]) -> Command {
     let mut shell = Command::new("sh");
     // Without the trap, the process would be killed instead of being told.
@@ -108,10 +114,18 @@ fn a_run_whose_disk_was_full_goes_on_when_there_is_room() {
         let mut command = with_small_disk(n_blocks, &arguments);
         let output = command.output().unwrap();
         let error = last_line_of_failure(&command, &output, 1, 10);
-        assert!(error.starts_with(run.to_str().unwrap()) && error.contains("cannot write: File too large"), "{error}");
+        assert!(
+            error.starts_with(run.to_str().unwrap())
+                && error.contains("cannot write: File too large"),
+            "{error}"
+        );
         assert!(!lpr::files_below(&run).keys().any(|path| is_partial(path)));
         assert!(!run.join("summary.json").exists());
-        assert_eq!(!runs::checkpoints(&run).is_empty(), some_were_saved, "{n_blocks} blocks of {last} bytes");
+        assert_eq!(
+            !runs::checkpoints(&run).is_empty(),
+            some_were_saved,
+            "{n_blocks} blocks of {last} bytes"
+        );
         if some_were_saved {
             lpr::json(&[&arguments[..], &["--resume".to_owned()]].concat());
             Outcome::of(&run).assert_same(&Outcome::of(&whole), &name);

@@ -1,4 +1,5 @@
-//! The demo page in headless Chromium, from `lpr serve`, against the same agent and scene computed natively.
+//! The demo page in headless Chromium, from `lpr serve`, against the same agent and scene computed
+//! natively.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -20,7 +21,8 @@ const VALUE_TOLERANCE: f64 = 1e-4;
 
 /// What the agent that the page brings along does natively, choosing what the page chose.
 fn native_episode(chosen: &[u64]) -> (Vec<Value>, Vec<Value>) {
-    let weights = fs::read(workspace().join(format!("www/public/weights/{TASK}.safetensors"))).unwrap();
+    let weights =
+        fs::read(workspace().join(format!("www/public/weights/{TASK}.safetensors"))).unwrap();
     let mut demo = Demo::new(&weights, SEED).unwrap();
     let (mut plans, mut outcomes) = (Vec::new(), Vec::new());
     for &candidate in chosen {
@@ -31,19 +33,34 @@ fn native_episode(chosen: &[u64]) -> (Vec<Value>, Vec<Value>) {
     (plans, outcomes)
 }
 
-/// Candidates of planner and Bézier curves are equal to the bit; what a network had a hand in is close.
+/// Candidates of planner and Bézier curves are equal to the bit; what a network had a hand in is
+/// close.
 #[track_caller]
 fn assert_same_candidates(page: &Value, native: &Value) {
     let [page, native] = [page, native].map(|plan| plan["candidates"].as_array().unwrap());
     assert_eq!(page.len(), native.len());
     for (idx, (page, native)) in page.iter().zip(native).enumerate() {
-        assert_eq!((&page["source"], &page["collides"]), (&native["source"], &native["collides"]), "candidate {idx}");
+        assert_eq!(
+            (&page["source"], &page["collides"]),
+            (&native["source"], &native["collides"]),
+            "candidate {idx}"
+        );
         let values = [page, native].map(|candidate| candidate["value"].as_f64().unwrap());
-        assert!((values[0] - values[1]).abs() <= VALUE_TOLERANCE, "candidate {idx}: values {values:?}");
+        assert!(
+            (values[0] - values[1]).abs() <= VALUE_TOLERANCE,
+            "candidate {idx}: values {values:?}"
+        );
         let [path, expected] = [page, native].map(|candidate| angles(&candidate["path"]));
         if native["source"] == "policy" {
-            let worst = path.iter().zip(&expected).map(|(a, b)| f64::from((a - b).abs())).fold(0.0, f64::max);
-            assert!(path.len() == expected.len() && worst <= VALUE_TOLERANCE, "candidate {idx}: {worst} rad off");
+            let worst = path
+                .iter()
+                .zip(&expected)
+                .map(|(a, b)| f64::from((a - b).abs()))
+                .fold(0.0, f64::max);
+            assert!(
+                path.len() == expected.len() && worst <= VALUE_TOLERANCE,
+                "candidate {idx}: {worst} rad off"
+            );
         } else {
             assert!(path == expected, "candidate {idx}: {path:?}, natively {expected:?}");
         }
@@ -56,12 +73,18 @@ fn angles(path: &Value) -> Vec<f32> {
     configs.map(|angle| angle.as_f64().unwrap() as f32).collect()
 }
 
-/// What a visitor of the page sees of scene [`SEED`], whose tour leaves its screenshots in `screenshots`.
+/// What a visitor of the page sees of scene [`SEED`], whose tour leaves its screenshots in
+/// `screenshots`.
 fn tour(server: &Server, screenshots: &Path) -> Value {
     fs::create_dir_all(screenshots).unwrap();
     let url = format!("http://{}/#task={TASK}&seed={SEED}", server.host());
     let script = workspace().join("www/tests/tour.mjs");
-    let output = Command::new("node").arg(script).arg(url).arg(screenshots).output().expect("node is installed");
+    let output = Command::new("node")
+        .arg(script)
+        .arg(url)
+        .arg(screenshots)
+        .output()
+        .expect("node is installed");
     assert!(output.status.success(), "{}", text(&output.stderr));
     serde_json::from_slice(&output.stdout).unwrap()
 }
@@ -69,7 +92,11 @@ fn tour(server: &Server, screenshots: &Path) -> Value {
 #[test]
 fn a_visitor_sees_what_is_computed_natively_and_the_winner_does_the_task() {
     let page = workspace().join("www/dist");
-    assert!(page.join("index.html").is_file(), "{} is missing: run `make page` first", page.display());
+    assert!(
+        page.join("index.html").is_file(),
+        "{} is missing: run `make page` first",
+        page.display()
+    );
     let folder = Folder::new();
     let server = Server::start(&folder, &["--page", page.to_str().unwrap()]);
     let job = server.submit(ORACLE);
@@ -92,12 +119,20 @@ fn a_visitor_sees_what_is_computed_natively_and_the_winner_does_the_task() {
     assert_same_worlds(plans, outcomes, &native_outcomes);
     let last = outcomes.last().unwrap();
     assert_eq!((last["reward"].as_f64(), last["ended"].as_bool()), (Some(1.0), Some(true)));
-    assert!(seen["outcome_text"].as_str().unwrap().starts_with("Success"), "{}", seen["outcome_text"]);
+    assert!(
+        seen["outcome_text"].as_str().unwrap().starts_with("Success"),
+        "{}",
+        seen["outcome_text"]
+    );
     assert_eq!(seen["same_plan_again"], true, "a reset scene begins with the same plan");
 
     let row = &seen["job_rows"][0];
     assert_eq!([&row[0], &row[2]], [ORACLE.task, "succeeded"]);
-    assert_eq!(floats(&seen["job_points"]), floats(&server.points(&job)), "the curve has every log point of the job");
+    assert_eq!(
+        floats(&seen["job_points"]),
+        floats(&server.points(&job)),
+        "the curve has every log point of the job"
+    );
 }
 
 /// A value whose numbers are all floats: JavaScript prints 1.0 as 1.
@@ -105,7 +140,9 @@ fn floats(value: &Value) -> Value {
     match value {
         Value::Number(number) => number.as_f64().into(),
         Value::Array(values) => values.iter().map(floats).collect(),
-        Value::Object(object) => object.iter().map(|(key, value)| (key.clone(), floats(value))).collect(),
+        Value::Object(object) => {
+            object.iter().map(|(key, value)| (key.clone(), floats(value))).collect()
+        }
         other => other.clone(),
     }
 }

@@ -5,7 +5,8 @@
 use crate::lpr::{Folder, json, refusal};
 use serde_json::{Value, json as value};
 
-/// Three joints that turn about the vertical, 0.4 m apart, with a ball at every joint and at the tip.
+/// Three joints that turn about the vertical, 0.4 m apart, with a ball at every joint and at the
+/// tip.
 const PLANAR_ARM: &str = r#"<robot name="planar">
   <link name="base"/>
   <link name="upper"><collision><origin xyz="0.2 0 0"/><geometry><sphere radius="0.05"/></geometry></collision></link>
@@ -37,7 +38,8 @@ fn around_a_post() -> Value {
 }
 
 fn plan(folder: &Folder, problems: &[Value], options: &[&str]) -> Value {
-    let file = folder.write("problems.json", value!({"robot": "xarm7", "problems": problems}).to_string());
+    let file =
+        folder.write("problems.json", value!({"robot": "xarm7", "problems": problems}).to_string());
     let mut report = json(&[&["plan", "--problems", &file], options].concat());
     for result in report["results"].as_array_mut().unwrap() {
         for key in ["planning_micros", "simplify_micros", "world_micros"] {
@@ -58,8 +60,12 @@ fn a_plan_leads_around_a_post_and_is_shorter_simplified() {
     assert!(result["checks"].as_u64().unwrap() > 8 && result["iterations"].as_u64().unwrap() > 0);
     let path = result["path"].as_array().unwrap();
     assert!(path.len() > 2, "the straight way is blocked");
-    for (end, expected) in [(0, &around_a_post()["start"]), (path.len() - 1, &around_a_post()["goals"][0])] {
-        for (found, expected) in path[end].as_array().unwrap().iter().zip(expected.as_array().unwrap()) {
+    for (end, expected) in
+        [(0, &around_a_post()["start"]), (path.len() - 1, &around_a_post()["goals"][0])]
+    {
+        for (found, expected) in
+            path[end].as_array().unwrap().iter().zip(expected.as_array().unwrap())
+        {
             assert!((found.as_f64().unwrap() - expected.as_f64().unwrap()).abs() < 1e-6);
         }
     }
@@ -68,7 +74,10 @@ fn a_plan_leads_around_a_post_and_is_shorter_simplified() {
     let simple = plan(&folder, &[around_a_post()], &["--simplify"]);
     assert!(simple["results"][0]["cost"].as_f64().unwrap() <= result["cost"].as_f64().unwrap());
     assert_eq!(simple["summary"]["solved"], 1);
-    assert!(simple["summary"]["median_micros"].as_f64() <= simple["summary"]["median_total_micros"].as_f64());
+    assert!(
+        simple["summary"]["median_micros"].as_f64()
+            <= simple["summary"]["median_total_micros"].as_f64()
+    );
 }
 
 #[test]
@@ -93,27 +102,42 @@ fn problems_that_none_can_solve_say_why() {
         assert_eq!((&result["solved"], &result["path"]), (&value!(false), &Value::Null));
         assert_eq!(result["reason"], result["name"]);
     }
-    assert_eq!((&report["summary"]["solved"], &report["summary"]["invalid"]), (&value!(0), &value!(4)));
+    assert_eq!(
+        (&report["summary"]["solved"], &report["summary"]["invalid"]),
+        (&value!(0), &value!(4))
+    );
 }
 
 #[test]
 fn a_world_may_be_empty_and_a_file_without_problems() {
     let problem = value!({"name": "nothing", "start": [-0.8, 0.2, 0, 1.0, 0, 1.2, 0], "goals": [[0.8, 0.2, 0, 1.0, 0, 1.2, 0]]});
     for planner in ["rrt-connect", "sbl", "kpiece", "trajopt", "stomp"] {
-        let report = plan(&Folder::new(), std::slice::from_ref(&problem), &["--planner", planner, "--simplify"]);
+        let report = plan(
+            &Folder::new(),
+            std::slice::from_ref(&problem),
+            &["--planner", planner, "--simplify"],
+        );
         let result = &report["results"][0];
-        assert_eq!((&result["solved"], &result["iterations"]), (&value!(true), &value!(0)), "{report}");
+        assert_eq!(
+            (&result["solved"], &result["iterations"]),
+            (&value!(true), &value!(0)),
+            "{report}"
+        );
         assert_eq!(result["path"].as_array().unwrap().len(), 2, "straight there");
     }
     let report = plan(&Folder::new(), &[], &[]);
-    assert_eq!((&report["results"], &report["summary"]["median_micros"]), (&value!([]), &Value::Null));
+    assert_eq!(
+        (&report["results"], &report["summary"]["median_micros"]),
+        (&value!([]), &Value::Null)
+    );
 }
 
 #[test]
 fn a_world_of_a_million_points_is_planned_in() {
     // A wall a metre long and high with a point every millimetre; the post stands in it.
     let mut problem = around_a_post();
-    let points = (0..1_000_000).map(|i| value!([0.6, f64::from(i % 1000) * 1e-3 - 0.5, f64::from(i / 1000) * 1e-3]));
+    let points = (0..1_000_000)
+        .map(|i| value!([0.6, f64::from(i % 1000) * 1e-3 - 0.5, f64::from(i / 1000) * 1e-3]));
     problem["points"] = points.collect();
     problem["point_radius"] = value!(0.001);
     let report = plan(&Folder::new(), &[problem], &[]);
@@ -124,9 +148,12 @@ fn a_world_of_a_million_points_is_planned_in() {
 fn an_arm_in_a_file_has_kinematics_and_plans() {
     let folder = Folder::new();
     let arm = folder.write("planar.urdf", PLANAR_ARM);
-    let configs = folder.write("configs.json", r#"{"configs": [[0, 0, 0], [1.5707963, 0, 0], [0, 1.5707963, 0]]}"#);
+    let configs = folder
+        .write("configs.json", r#"{"configs": [[0, 0, 0], [1.5707963, 0, 0], [0, 1.5707963, 0]]}"#);
     let poses = json(&["fk", "--robot", &arm, "--configs", &configs]);
-    for (pose, expected) in poses["poses"].as_array().unwrap().iter().zip([[1.0, 0.0], [0.0, 1.0], [0.4, 0.6]]) {
+    for (pose, expected) in
+        poses["poses"].as_array().unwrap().iter().zip([[1.0, 0.0], [0.0, 1.0], [0.4, 0.6]])
+    {
         for (axis, expected) in [(0, expected[0]), (1, expected[1]), (2, 0.5)] {
             assert!((pose["position"][axis].as_f64().unwrap() - expected).abs() < 1e-6, "{pose}");
         }
@@ -172,10 +199,17 @@ fn a_description_with_the_closed_form_of_a_built_in_arm_has_it_with_its_own_limi
     let joints: String = joints.collect();
     let flange = r#"<joint name="j8" type="fixed"><parent link="link7"/><child link="link8"/><origin xyz="0 0 0.107"/></joint>"#;
     let folder = Folder::new();
-    let arm = folder.write("arm.urdf", format!(r#"<robot name="like-a-panda">{links}{joints}{flange}</robot>"#));
-    let poses = folder.write("poses.json", r#"{"poses": [{"position": [0.45, 0.1, 0.5], "rotation_xyzw": [1, 0, 0, 0]}]}"#);
-    let solutions =
-        |robot: &str| json(&["ik", "--robot", robot, "--poses", &poses, "--solutions", "20"])["results"][0]["solutions"].clone();
+    let arm = folder.write(
+        "arm.urdf",
+        format!(r#"<robot name="like-a-panda">{links}{joints}{flange}</robot>"#),
+    );
+    let poses = folder.write(
+        "poses.json",
+        r#"{"poses": [{"position": [0.45, 0.1, 0.5], "rotation_xyzw": [1, 0, 0, 0]}]}"#,
+    );
+    let solutions = |robot: &str| {
+        json(&["ik", "--robot", robot, "--poses", &poses, "--solutions", "20"])["results"][0]["solutions"].clone()
+    };
     let (built_in, described) = (solutions("panda"), solutions(&arm));
     let is_on_its_side = |config: &Value| config[1].as_f64().unwrap() >= 0.0;
     assert_eq!((built_in.as_array().unwrap().len(), described.as_array().unwrap().len()), (20, 20));
@@ -187,7 +221,8 @@ fn a_description_with_the_closed_form_of_a_built_in_arm_has_it_with_its_own_limi
 fn files_for_planning_are_refused_by_their_field() {
     let folder = Folder::new();
     let refused = |problem: Value| {
-        let file = folder.write("a.json", value!({"robot": "xarm7", "problems": [problem]}).to_string());
+        let file =
+            folder.write("a.json", value!({"robot": "xarm7", "problems": [problem]}).to_string());
         let error = refusal(&["plan", "--problems", &file], 1);
         error.strip_prefix(&format!("{file}: ")).unwrap_or_else(|| panic!("{error}")).to_owned()
     };
@@ -197,20 +232,38 @@ fn files_for_planning_are_refused_by_their_field() {
         refused(problem)
     };
     let other_arm = folder.write("b.json", r#"{"robot": "panda", "problems": []}"#);
-    assert!(refusal(&["plan", "--problems", &other_arm], 1).contains("b.json: robot: is panda, --robot is xarm7"));
+    assert!(
+        refusal(&["plan", "--problems", &other_arm], 1)
+            .contains("b.json: robot: is panda, --robot is xarm7")
+    );
     let unit = value!([0, 0, 0, 1]);
     for (error, says) in [
         (with("start", value!([0, 0])), "problems[0].start: has 2 joint angles, xarm7 has 7"),
-        (with("goals", value!([[0, 0, 0, 0, 0, 0, 0], []])), "problems[0].goals[1]: has 0 joint angles"),
-        (with("start", value!([0, 0, 0, 1e39, 0, 0, 0])), "problems[0].start[3]"),
-        (with("spheres", value!([{"center": [0, 0, 0], "radius": -1}])), "problems[0].spheres[0].radius: is -1"),
-        (with("capsules", value!([{"a": [0, 0, 1e39], "b": [0, 0, 0], "radius": 1}])), "problems[0].capsules[0].a"),
         (
-            with("cuboids", value!([{"center": [0, 0, 0], "rotation_xyzw": [0, 0, 0, 2], "half_extents": [1, 1, 1]}])),
+            with("goals", value!([[0, 0, 0, 0, 0, 0, 0], []])),
+            "problems[0].goals[1]: has 0 joint angles",
+        ),
+        (with("start", value!([0, 0, 0, 1e39, 0, 0, 0])), "problems[0].start[3]"),
+        (
+            with("spheres", value!([{"center": [0, 0, 0], "radius": -1}])),
+            "problems[0].spheres[0].radius: is -1",
+        ),
+        (
+            with("capsules", value!([{"a": [0, 0, 1e39], "b": [0, 0, 0], "radius": 1}])),
+            "problems[0].capsules[0].a",
+        ),
+        (
+            with(
+                "cuboids",
+                value!([{"center": [0, 0, 0], "rotation_xyzw": [0, 0, 0, 2], "half_extents": [1, 1, 1]}]),
+            ),
             "problems[0].cuboids[0].rotation_xyzw: has norm 2",
         ),
         (
-            with("cylinders", value!([{"center": [0, 0, 0], "rotation_xyzw": unit, "radius": 1, "half_length": -2}])),
+            with(
+                "cylinders",
+                value!([{"center": [0, 0, 0], "rotation_xyzw": unit, "radius": 1, "half_length": -2}]),
+            ),
             "problems[0].cylinders[0].half_length: is -2",
         ),
         (with("point_radius", value!(-0.1)), "problems[0].point_radius: is -0.1"),
@@ -230,7 +283,13 @@ fn descriptions_that_are_broken_or_do_not_go_with_the_arm_are_refused() {
     };
     for (urdf, says) in [
         (PLANAR_ARM.replace(r#"<parent link="upper"/>"#, r#"<parent link="arm"/>"#), "arm"),
-        (PLANAR_ARM.replace(r#"<sphere radius="0.05"/>"#, r#"<mesh filename="package://planar/none.stl"/>"#), "none.stl"),
+        (
+            PLANAR_ARM.replace(
+                r#"<sphere radius="0.05"/>"#,
+                r#"<mesh filename="package://planar/none.stl"/>"#,
+            ),
+            "none.stl",
+        ),
         (PLANAR_ARM.replace(r#"<sphere radius="0.05"/>"#, r#"<teapot radius="0.05"/>"#), "teapot"),
         (PLANAR_ARM.replace(r#"lower="-3""#, r#"lower="NaN""#), "lower"),
         (PLANAR_ARM[..PLANAR_ARM.len() - 8].to_owned(), "URDF"),
@@ -242,7 +301,9 @@ fn descriptions_that_are_broken_or_do_not_go_with_the_arm_are_refused() {
     assert!(refusal(&srdf, 2).contains("--srdf: only for a URDF file"));
     let planner = ["plan", "--problems", &configs, "--planner", "guess"];
     assert!(refusal(&planner, 2).contains("guess"));
-    for (option, value, says) in [("--range", "0", "from 0.001 to 100"), ("--checks-per-radian", "inf", "from 1 to 10000")] {
+    for (option, value, says) in
+        [("--range", "0", "from 0.001 to 100"), ("--checks-per-radian", "inf", "from 1 to 10000")]
+    {
         assert!(refusal(&["plan", "--problems", &configs, option, value], 2).contains(says));
     }
 }

@@ -46,9 +46,9 @@ pub(crate) fn preset(changes: &[(&str, &str)]) -> String {
     let text = fs::read_to_string(workspace().join("lpr-core/presets/fast.toml")).unwrap();
     let mut table = toml::Value::Table(text.parse().unwrap());
     for (setting, value) in SMALL.iter().chain(changes) {
-        let place = setting
-            .split('.')
-            .fold(&mut table, |value, key| value.get_mut(key).unwrap_or_else(|| panic!("the preset has no {setting}")));
+        let place = setting.split('.').fold(&mut table, |value, key| {
+            value.get_mut(key).unwrap_or_else(|| panic!("the preset has no {setting}"))
+        });
         let values: toml::Table = format!("value = {value}").parse().unwrap();
         *place = values["value"].clone();
     }
@@ -90,7 +90,18 @@ impl Runs {
     /// The arguments of a run of [`STEPS`] steps in the directory `name`.
     pub(crate) fn arguments(&self, kind: Kind, name: &str) -> Vec<String> {
         let out = self.folder.at(name);
-        let fixed = ["train", kind.task, "--preset", &self.preset, "--seed", "3", "--env-steps", STEPS, "--out", &out];
+        let fixed = [
+            "train",
+            kind.task,
+            "--preset",
+            &self.preset,
+            "--seed",
+            "3",
+            "--env-steps",
+            STEPS,
+            "--out",
+            &out,
+        ];
         fixed.iter().chain(kind.options).map(|&argument| argument.to_owned()).collect()
     }
 
@@ -113,7 +124,8 @@ pub(crate) struct Outcome {
 
 impl Outcome {
     pub(crate) fn of(run: &Path) -> Self {
-        let mut summary = serde_json::from_slice(&fs::read(run.join("summary.json")).unwrap()).unwrap();
+        let mut summary =
+            serde_json::from_slice(&fs::read(run.join("summary.json")).unwrap()).unwrap();
         remove_times(&mut summary);
         let mut metrics = metrics(run);
         assert_time_goes_on(&metrics);
@@ -162,7 +174,8 @@ pub(crate) fn newest_checkpoint(run: &Path) -> PathBuf {
 
 /// A resumed run counts the time before it, too.
 fn assert_time_goes_on(metrics: &[Map<String, Value>]) {
-    let times: Vec<_> = metrics.iter().filter_map(|point| point.get("wall_seconds")?.as_f64()).collect();
+    let times: Vec<_> =
+        metrics.iter().filter_map(|point| point.get("wall_seconds")?.as_f64()).collect();
     assert!(times.len() > 1 && times.is_sorted(), "{times:?}");
 }
 

@@ -1,4 +1,5 @@
-//! `lpr serve` over real sockets: jobs train what the command line trains, streams lose nothing, and no end of the server loses a job.
+//! `lpr serve` over real sockets: jobs train what the command line trains, streams lose nothing,
+//! and no end of the server loses a job.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -47,7 +48,11 @@ fn assert_trains_what_the_command_line_trains(kind: Kind) {
     let expected = expected(kind);
     assert_trained(&server, &id, &expected);
     assert_eq!(timeless(points_of(&events)), expected.0);
-    let kinds: Vec<_> = events.iter().filter(|event| event.kind != "metric").map(|event| event.kind.as_str()).collect();
+    let kinds: Vec<_> = events
+        .iter()
+        .filter(|event| event.kind != "metric")
+        .map(|event| event.kind.as_str())
+        .collect();
     assert_eq!(kinds, ["state", "state", "state", "end"]);
     assert_eq!(events.last().unwrap().data, json!({"state": "succeeded"}));
 }
@@ -72,7 +77,11 @@ fn a_waiting_and_a_running_job_can_be_seen_and_cancelled() {
     assert_eq!(first_metric.data["env_steps"], 0);
     let listed = |query: &str| {
         let jobs = server.get(&format!("/v1/jobs{query}")).json()["jobs"].take();
-        jobs.as_array().unwrap().iter().map(|job| job["id"].as_str().unwrap().to_owned()).collect::<Vec<_>>()
+        jobs.as_array()
+            .unwrap()
+            .iter()
+            .map(|job| job["id"].as_str().unwrap().to_owned())
+            .collect::<Vec<_>>()
     };
     assert_eq!(listed(""), [waiting.as_str(), &running]);
     assert_eq!(listed("?state=running"), [running.as_str()]);
@@ -108,7 +117,10 @@ fn a_stream_that_breaks_goes_on_where_it_was() {
     let middle = whole[whole.len() / 2].id;
     assert_eq!(server.events(&id, middle).collect::<Vec<_>>(), whole[whole.len() / 2 + 1..]);
     // After the end there is nothing to wait for.
-    assert_eq!(server.get(&format!("/v1/jobs/{id}/events?after={}", whole.last().unwrap().id)).status, 204);
+    assert_eq!(
+        server.get(&format!("/v1/jobs/{id}/events?after={}", whole.last().unwrap().id)).status,
+        204
+    );
 }
 
 #[test]
@@ -140,15 +152,27 @@ fn a_job_outlives_servers_that_are_killed_and_stopped() {
     server = Server::start(&folder, &[]);
     read_until(&server, 15);
     assert_eq!(server.terminate(), Some(0));
-    assert!(server.processes().is_empty(), "a stopped server has ended them: {:?}", server.processes());
+    assert!(
+        server.processes().is_empty(),
+        "a stopped server has ended them: {:?}",
+        server.processes()
+    );
     assert!(!server.run(&id).join("summary.json").exists(), "the job was to be interrupted");
     server = Server::start(&folder, &[]);
     read_until(&server, u64::MAX);
     let expected = expected(ORACLE);
     assert_trained(&server, &id, &expected);
     let job = server.job(&id);
-    let reasons: Vec<_> = job["transitions"].as_array().unwrap().iter().map(|transition| transition["reason"].clone()).collect();
-    assert_eq!(json!(reasons), json!([null, null, "worker_lost", null, "worker_lost", null, "server_stopped", null, null]));
+    let reasons: Vec<_> = job["transitions"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|transition| transition["reason"].clone())
+        .collect();
+    assert_eq!(
+        json!(reasons),
+        json!([null, null, "worker_lost", null, "worker_lost", null, "server_stopped", null, null])
+    );
     assert_eq!(job["attempt"], 4);
     // The one who watched all the time and one who comes later know the same.
     assert_eq!(timeless(points_of(&seen)), expected.0);
@@ -206,7 +230,9 @@ fn no_request_is_answered_with_anything_but_a_problem() {
     let head = format!("Host: {}\r\nConnection: close\r\n", server.host());
     let post = |body: &str| {
         let length = body.len();
-        format!("POST /v1/jobs HTTP/1.1\r\n{head}Content-Type: application/json\r\nContent-Length: {length}\r\n\r\n{body}")
+        format!(
+            "POST /v1/jobs HTTP/1.1\r\n{head}Content-Type: application/json\r\nContent-Length: {length}\r\n\r\n{body}"
+        )
     };
     let requests = [
         format!("GET /nothing HTTP/1.1\r\n{head}\r\n"),
@@ -222,8 +248,12 @@ fn no_request_is_answered_with_anything_but_a_problem() {
         format!("OPTIONS * HTTP/1.1\r\n{head}\r\n"),
         format!("TRACE /v1/jobs HTTP/1.1\r\n{head}\r\n"),
         format!("POST /v1/jobs HTTP/1.1\r\n{head}\r\n"),
-        format!("POST /v1/jobs HTTP/1.1\r\n{head}Content-Type: application/json\r\nContent-Length: 9999999999\r\n\r\n"),
-        format!("POST /v1/jobs HTTP/1.1\r\n{head}Content-Type: application/json\r\nTransfer-Encoding: chunked\r\n\r\nzz\r\n"),
+        format!(
+            "POST /v1/jobs HTTP/1.1\r\n{head}Content-Type: application/json\r\nContent-Length: 9999999999\r\n\r\n"
+        ),
+        format!(
+            "POST /v1/jobs HTTP/1.1\r\n{head}Content-Type: application/json\r\nTransfer-Encoding: chunked\r\n\r\nzz\r\n"
+        ),
         format!("GET /v1/jobs/{id}/events HTTP/1.1\r\n{head}Last-Event-ID: \u{e9}\r\n\r\n"),
         post(""),
         post("{\"task\": \"reach_target\", \"settings\": {\"candidates\": []}}"),
@@ -241,8 +271,18 @@ fn no_request_is_answered_with_anything_but_a_problem() {
         assert!(answer.contains("content-type: application/problem+json"), "{told}");
     }
     // What is no request is not answered by the API, and does no harm.
-    let half = format!("POST /v1/jobs HTTP/1.1\r\n{head}Content-Type: application/json\r\nContent-Length: 99\r\n\r\n{{}}");
-    let texts = ["\0\0\0\0", "GET\r\n\r\n", "\x16\x03\x01\x02", "GET / HTTP/9.9\r\n\r\n", "", "POST /v1/jobs HTT", &half];
+    let half = format!(
+        "POST /v1/jobs HTTP/1.1\r\n{head}Content-Type: application/json\r\nContent-Length: 99\r\n\r\n{{}}"
+    );
+    let texts = [
+        "\0\0\0\0",
+        "GET\r\n\r\n",
+        "\x16\x03\x01\x02",
+        "GET / HTTP/9.9\r\n\r\n",
+        "",
+        "POST /v1/jobs HTT",
+        &half,
+    ];
     for bytes in texts.map(str::as_bytes) {
         let answer = answer_to_half(&server, bytes);
         assert!(answer.is_empty() || answer.starts_with("HTTP/1.1 400 "), "{bytes:?}: {answer}");

@@ -36,7 +36,10 @@ pub(crate) struct Answer {
 
 impl Answer {
     fn of(mut response: Response<Body>) -> Self {
-        Self { status: response.status().as_u16(), body: response.body_mut().read_to_string().unwrap() }
+        Self {
+            status: response.status().as_u16(),
+            body: response.body_mut().read_to_string().unwrap(),
+        }
     }
 
     #[track_caller]
@@ -59,9 +62,14 @@ impl Server {
         let mut stderr = BufReader::new(child.stderr.take().unwrap());
         let mut line = String::new();
         stderr.read_line(&mut line).unwrap();
-        let address = line.trim().strip_prefix("lpr: ").unwrap_or_else(|| panic!("{line}")).to_owned();
+        let address =
+            line.trim().strip_prefix("lpr: ").unwrap_or_else(|| panic!("{line}")).to_owned();
         assert!(address.starts_with("http://127.0.0.1:"), "{address}");
-        let agent = Agent::config_builder().http_status_as_error(false).timeout_global(Some(PATIENCE)).build().into();
+        let agent = Agent::config_builder()
+            .http_status_as_error(false)
+            .timeout_global(Some(PATIENCE))
+            .build()
+            .into();
         Self { child, _stderr: stderr, address, agent, data }
     }
 
@@ -80,7 +88,10 @@ impl Server {
     }
 
     pub(crate) fn post(&self, path: &str, body: &Value) -> Answer {
-        let request = self.agent.post(format!("{}{path}", self.address)).header("content-type", "application/json");
+        let request = self
+            .agent
+            .post(format!("{}{path}", self.address))
+            .header("content-type", "application/json");
         Answer::of(request.send(body.to_string()).unwrap())
     }
 

@@ -1,4 +1,5 @@
-//! The same world after every task's demonstration, and the same candidates: natively with one and two threads, and in wasm.
+//! The same world after every task's demonstration, and the same candidates: natively with one and
+//! two threads, and in wasm.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -29,9 +30,13 @@ fn native_hashes(n_threads: usize) -> Vec<String> {
 /// What `tests/node/NAME` prints for an argument; it needs `module`, a file of the workspace.
 #[track_caller]
 pub(crate) fn node(name: &str, argument: &str, module: &str) -> String {
-    assert!(workspace().join(module).is_file(), "{module} is missing: run `make page planner` first");
+    assert!(
+        workspace().join(module).is_file(),
+        "{module} is missing: run `make page planner` first"
+    );
     let script = workspace().join("tests/node").join(name);
-    let output = Command::new("node").arg(script).arg(argument).output().expect("node is installed");
+    let output =
+        Command::new("node").arg(script).arg(argument).output().expect("node is installed");
     assert!(output.status.success(), "{}", text(&output.stderr));
     text(&output.stdout)
 }
@@ -61,7 +66,8 @@ fn the_planners_paths_and_the_curves_are_the_same_with_one_thread_two_threads_an
         let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
         pool.install(|| (0..STEPS).map(|step| bench.run(step).unwrap()).collect::<Vec<String>>())
     });
-    let wasm: Vec<String> = serde_json::from_str(&node("candidates.mjs", &STEPS.to_string(), PAGE)).unwrap();
+    let wasm: Vec<String> =
+        serde_json::from_str(&node("candidates.mjs", &STEPS.to_string(), PAGE)).unwrap();
     assert_eq!(one, two);
     assert_eq!(one, wasm);
 }

@@ -20,7 +20,8 @@ const SET_STATE: u64 = 12;
 const SERVO: u64 = 29;
 /// Options for a busy machine: its delays are no faults here.
 const PATIENT: [&str; 4] = ["--reply-timeout", "5", "--report-timeout", "5"];
-/// A run whose paths are the demonstrator's to choose, so that they lead somewhere after seconds of training.
+/// A run whose paths are the demonstrator's to choose, so that they lead somewhere after seconds of
+/// training.
 const RUN: Kind = Kind { task: "reach_target", options: &["--oracle-poses"] };
 const SCENE: [&str; 2] = ["--seed", "2"];
 
@@ -44,26 +45,50 @@ impl Drop for Emulated {
 impl Emulated {
     fn start(folder: &Folder, options: &[&str]) -> Self {
         let log = folder.path().join("received.jsonl");
-        let mut emulate = command(&["xarm", "emulate", "--command-port", "0", "--report-ports", "0,0,0,0", "--json", "--log"]);
+        let mut emulate = command(&[
+            "xarm",
+            "emulate",
+            "--command-port",
+            "0",
+            "--report-ports",
+            "0,0,0,0",
+            "--json",
+            "--log",
+        ]);
         let mut child = emulate.arg(&log).args(options).stdout(Stdio::piped()).spawn().unwrap();
         let mut stdout = BufReader::new(child.stdout.take().unwrap());
         let listening: Value = serde_json::from_str(&line(&mut stdout)).unwrap();
         let reports = listening["report_ports"].as_array().unwrap();
         let [fast, normal, rich, realtime] = [0, 1, 2, 3].map(|idx| &reports[idx]);
-        let ports = [&listening["command_port"], &listening["stop_port"], fast, normal, rich, realtime];
+        let ports =
+            [&listening["command_port"], &listening["stop_port"], fast, normal, rich, realtime];
         Self { child, ports: ports.map(Value::to_string), log, _stdout: stdout }
     }
 
     /// The arguments of `lpr xarm run` on it.
     fn run<'a>(&'a self, run: &'a str, options: &[&'a str]) -> Vec<&'a str> {
         let [command, stop, .., realtime] = &self.ports;
-        let fixed = ["xarm", "run", run, "--host", "127.0.0.1", "--command-port", command, "--stop-port", stop];
+        let fixed = [
+            "xarm",
+            "run",
+            run,
+            "--host",
+            "127.0.0.1",
+            "--command-port",
+            command,
+            "--stop-port",
+            stop,
+        ];
         [&fixed[..], &["--report-port", realtime], &SCENE, &PATIENT, options].concat()
     }
 
     /// Register, port and parameters of everything that it received.
     fn received(&self) -> Vec<Value> {
-        fs::read_to_string(&self.log).unwrap().lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+        fs::read_to_string(&self.log)
+            .unwrap()
+            .lines()
+            .map(|line| serde_json::from_str(line).unwrap())
+            .collect()
     }
 
     fn registers(&self) -> BTreeSet<u64> {
@@ -100,7 +125,12 @@ fn found(output: &std::process::Output) -> Value {
 }
 
 fn floats(value: &Value) -> Vec<f64> {
-    value.as_array().unwrap_or_else(|| panic!("{value}")).iter().map(|number| number.as_f64().unwrap()).collect()
+    value
+        .as_array()
+        .unwrap_or_else(|| panic!("{value}"))
+        .iter()
+        .map(|number| number.as_f64().unwrap())
+        .collect()
 }
 
 fn config(value: &Value) -> JointConfig {
@@ -142,9 +172,17 @@ fn the_vendors_sdk_drives_the_emulated_arm() {
     near("inverse", &found["target"], 1e-3);
     // The SDK's units: millimetres.
     near("kinematics", &found["position"][1], 1e-2);
-    near("home_pose", &serde_json::json!([206.0, 0.0, 120.5, core::f64::consts::PI, 0.0, 0.0]), 1e-3);
+    near(
+        "home_pose",
+        &serde_json::json!([206.0, 0.0, 120.5, core::f64::consts::PI, 0.0, 0.0]),
+        1e-3,
+    );
     assert_near(&found["joint_states"][1][0], &floats(&found["target"]), 1e-4);
-    assert_near(&Value::from(found["line_end"][1].as_array().unwrap()[..3].to_vec()), &floats(&found["line_goal"]), 0.1);
+    assert_near(
+        &Value::from(found["line_end"][1].as_array().unwrap()[..3].to_vec()),
+        &floats(&found["line_goal"]),
+        0.1,
+    );
     // The servo stream.
     is("servo", vec![0; 51].into());
     is("servo_arrived", true.into());
@@ -152,7 +190,8 @@ fn the_vendors_sdk_drives_the_emulated_arm() {
     // The gripper: asked for, code, code, position.
     is("gripper_setup", done);
     is("gripper", serde_json::json!([[850, 0, 0, 850], [0, 0, 0, 0], [600, 0, 0, 600]]));
-    // The emergency stop; moving then is refused because the state is not ready, until it is made so.
+    // The emergency stop; moving then is refused because the state is not ready, until it is made
+    // so.
     for key in ["was_moving", "stopped_short", "stayed_stopped"] {
         is(key, true.into());
     }
@@ -171,7 +210,11 @@ fn the_vendors_sdk_drives_the_emulated_arm() {
     is("connected", vec![true, true].into());
     for (port, bytes) in [("30000", 804), ("30001", 145), ("30002", 587), ("30003", 135)] {
         let report = &found["reports"][port];
-        assert_eq!((&report["bytes"], &report["data_size"]), (&bytes.into(), &bytes.into()), "{port}: {report}");
+        assert_eq!(
+            (&report["bytes"], &report["data_size"]),
+            (&bytes.into(), &bytes.into()),
+            "{port}: {report}"
+        );
         assert_eq!((&report["state"], &report["mode"]), (&2.into(), &0.into()), "{port}: {report}");
         assert_near(&report["angles"], &floats(&found["target"]), 1e-4);
         assert_near(&report["position"], &floats(&found["position"][1])[..3], 1e-2);
@@ -186,7 +229,10 @@ fn without_execute_nothing_is_sent_that_enables_or_moves() {
     let report = json(&emulated.run(run.to_str().unwrap(), &[]));
     assert_eq!(report["executed"], false, "{report:#}");
     assert_eq!(report["execution"], Value::Null);
-    assert!(report["n_candidates"].as_u64().unwrap() > 0 && report["value"].is_number(), "{report:#}");
+    assert!(
+        report["n_candidates"].as_u64().unwrap() > 0 && report["value"].is_number(),
+        "{report:#}"
+    );
     assert_near(&report["path"][0], &XARM7.start.0.map(f64::from), 1e-6);
     let registers = emulated.registers();
     assert!(registers.iter().all(|register| HARMLESS.contains(register)), "{registers:?}");
@@ -209,7 +255,8 @@ fn the_vendors_sdk_sees_the_arm_follow_the_chosen_path() {
     assert_eq!(report["executed"], true, "{report:#}");
     assert_eq!(report["execution"]["points_sent"], report["n_points"]);
     assert_eq!(emulated.n_points(), report["n_points"].as_u64().unwrap() as usize);
-    let path = JointPath::new(report["path"].as_array().unwrap().iter().map(config).collect()).unwrap();
+    let path =
+        JointPath::new(report["path"].as_array().unwrap().iter().map(config).collect()).unwrap();
     assert_near(&seen["final"][1], &path.goal().0.map(f64::from), 1e-4);
     assert_eq!((&seen["mode"], &seen["codes"]), (&Value::from(0), &serde_json::json!([0, [0, 0]])));
     let states = seen["states"].as_array().unwrap();
@@ -218,7 +265,8 @@ fn the_vendors_sdk_sees_the_arm_follow_the_chosen_path() {
     assert_on_path(&path, &seen["reported"]);
 }
 
-/// Fails when a configuration that was seen is farther from the path than the arm moves in a tick, or few were seen on the way.
+/// Fails when a configuration that was seen is farther from the path than the arm moves in a tick,
+/// or few were seen on the way.
 #[track_caller]
 fn assert_on_path(path: &JointPath, seen: &Value) {
     /// At 1 rad/s and 100 Hz.
@@ -226,9 +274,14 @@ fn assert_on_path(path: &JointPath, seen: &Value) {
     let mut on_the_way = 0;
     for sample in seen.as_array().unwrap() {
         let sample = config(sample);
-        let distance = path.configs().windows(2).map(|pair| distance(&pair[0], &pair[1], &sample)).fold(f32::INFINITY, f32::min);
+        let distance = path
+            .configs()
+            .windows(2)
+            .map(|pair| distance(&pair[0], &pair[1], &sample))
+            .fold(f32::INFINITY, f32::min);
         assert!(distance <= TICK_MOTION, "{sample:?} is {distance} rad from the path");
-        on_the_way += usize::from(sample.distance(path.start()) > 0.1 && sample.distance(path.goal()) > 0.1);
+        on_the_way +=
+            usize::from(sample.distance(path.start()) > 0.1 && sample.distance(path.goal()) > 0.1);
     }
     assert!(on_the_way > 5, "only {on_the_way} samples on the way");
 }
@@ -253,17 +306,28 @@ fn an_interrupt_during_the_stream_stops_the_arm() {
     while emulated.n_points() < 20 {
         std::thread::sleep(core::time::Duration::from_millis(5));
     }
-    let interrupt = Command::new("sh").arg("-c").arg(format!("kill -INT {}", moving.id())).status().unwrap();
+    let interrupt =
+        Command::new("sh").arg("-c").arg(format!("kill -INT {}", moving.id())).status().unwrap();
     assert!(interrupt.success());
     let output = moving.wait_with_output().unwrap();
     let error = text(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{error}");
-    assert!(error.starts_with("error: interrupted; after ") && error.ends_with("the arm was told to stop\n"), "{error}");
+    assert!(
+        error.starts_with("error: interrupted; after ")
+            && error.ends_with("the arm was told to stop\n"),
+        "{error}"
+    );
     let received = emulated.received();
-    let is_stop =
-        |received: &Value| received["port"] == "stop" && received["register"] == SET_STATE && received["params"] == "04";
+    let is_stop = |received: &Value| {
+        received["port"] == "stop"
+            && received["register"] == SET_STATE
+            && received["params"] == "04"
+    };
     let stop = received.iter().position(is_stop).unwrap();
-    assert!(received[stop..].iter().all(|received| received["register"] != SERVO), "a point after the stop");
+    assert!(
+        received[stop..].iter().all(|received| received["register"] != SERVO),
+        "a point after the stop"
+    );
 }
 
 #[test]
@@ -271,7 +335,10 @@ fn a_fault_of_the_controller_is_one_line_that_says_what_became_of_the_arm() {
     let runs = Runs::new();
     let run = runs.train(RUN, "run");
     for (fault, says) in [
-        ("error-31@30", "the controller has error 31: clear it where the arm can be seen; after 30 of "),
+        (
+            "error-31@30",
+            "the controller has error 31: clear it where the arm can be seen; after 30 of ",
+        ),
         ("vanish@30", "use the emergency button"),
     ] {
         let folder = Folder::new();
@@ -283,7 +350,20 @@ fn a_fault_of_the_controller_is_one_line_that_says_what_became_of_the_arm() {
 
 /// What `lpr xarm run` says of a run or a host that it cannot use.
 fn refused(run: &Path, host: &str, status: i32) -> String {
-    refusal(&["xarm", "run", run.to_str().unwrap(), "--host", host, "--command-port", "1", "--report-port", "1"], status)
+    refusal(
+        &[
+            "xarm",
+            "run",
+            run.to_str().unwrap(),
+            "--host",
+            host,
+            "--command-port",
+            "1",
+            "--report-port",
+            "1",
+        ],
+        status,
+    )
 }
 
 #[test]
@@ -292,10 +372,16 @@ fn a_host_that_may_be_a_real_arm_a_panda_and_nobody_are_refused() {
     let run = runs.train(RUN, "run");
     for host in ["10.0.0.2", "192.168.1.203", "::2"] {
         let error = refused(&run, host, 2);
-        assert!(error.starts_with(&format!("--host {host}: ")) && error.contains("--arm-real"), "{error}");
+        assert!(
+            error.starts_with(&format!("--host {host}: ")) && error.contains("--arm-real"),
+            "{error}"
+        );
     }
     let error = refused(&run, "127.0.0.1", 1);
-    assert!(error.starts_with("cannot connect to the controller's commands at 127.0.0.1:1"), "{error}");
+    assert!(
+        error.starts_with("cannot connect to the controller's commands at 127.0.0.1:1"),
+        "{error}"
+    );
     let panda = Kind { task: "reach_target", options: &["--oracle-poses", "--robot", "panda"] };
     let panda = runs.train(panda, "panda");
     let error = refused(&panda, "127.0.0.1", 1);
@@ -314,7 +400,10 @@ fn options_that_cannot_work_are_named() {
         (vec!["emulate", "--fault", "fire"], "--fault"),
         (vec!["run", "run"], "--host"),
         (vec!["run", "run", "--host", "arm.local"], "--host"),
-        (vec!["run", "run", "--host", "127.0.0.1", "--speed", "9"], "--speed 9: expected rad/s above 0, at most 1.047"),
+        (
+            vec!["run", "run", "--host", "127.0.0.1", "--speed", "9"],
+            "--speed 9: expected rad/s above 0, at most 1.047",
+        ),
         (vec!["run", "run", "--host", "127.0.0.1", "--speed", "nan"], "--speed NaN"),
         (vec!["run", "run", "--host", "127.0.0.1", "--rate", "1000"], "--rate"),
         (vec!["run", "run", "--host", "127.0.0.1", "--reply-timeout", "0"], "--reply-timeout"),

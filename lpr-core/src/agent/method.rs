@@ -12,7 +12,8 @@ pub enum Method {
     Lpr,
     /// The same without the path policy: the paper's ablation.
     LprNoPolicy,
-    /// The baseline: the straight line of the grip, else the shortest joint-space motion without collision checking.
+    /// The baseline: the straight line of the grip, else the shortest joint-space motion without
+    /// collision checking.
     #[serde(rename = "c2farm")]
     C2fArm,
     /// The straight line of the grip alone.
@@ -25,7 +26,14 @@ pub enum Method {
 
 impl Method {
     /// All of them; the first is the default.
-    pub const ALL: [Self; 6] = [Self::Lpr, Self::LprNoPolicy, Self::C2fArm, Self::Linear, Self::ShortestFree, Self::Random];
+    pub const ALL: [Self; 6] = [
+        Self::Lpr,
+        Self::LprNoPolicy,
+        Self::C2fArm,
+        Self::Linear,
+        Self::ShortestFree,
+        Self::Random,
+    ];
 
     /// Name on the command line.
     #[must_use]
@@ -75,6 +83,8 @@ mod tests {
             assert_eq!(Method::by_name(method.name()), Ok(method));
             assert_eq!(serde_json::to_value(method).expect("a word"), method.name());
         }
-        assert!(Method::by_name("LPR").expect_err("case matters").to_string().contains("lpr-no-policy"));
+        assert!(
+            Method::by_name("LPR").expect_err("case matters").to_string().contains("lpr-no-policy")
+        );
     }
 }

@@ -1,6 +1,8 @@
-//! `state.bin`: what training needs beside the weights. Magic, version and digest, then the rest in `postcard`.
+//! `state.bin`: what training needs beside the weights. Magic, version and digest, then the rest in
+//! `postcard`.
 //!
-//! Types of the core are converted to what is stored here, so that none of them has to be built from unchecked bytes.
+//! Types of the core are converted to what is stored here, so that none of them has to be built
+//! from unchecked bytes.
 
 use crate::agent::Networks;
 use crate::digest;
@@ -12,7 +14,9 @@ use crate::perception::{Proprio, VoxelBounds};
 use crate::policy::PolicyState;
 use crate::q_attention::{DepthState, NextBestPose, QObservation, StoredPoint, Weights};
 use crate::ranker::{RankedPath, RankerContext, RankerState};
-use crate::replay::{Decision, Replay, ReplaySettings, ReplayState, Step, TransitionRow, join_steps, split_steps};
+use crate::replay::{
+    Decision, Replay, ReplaySettings, ReplayState, Step, TransitionRow, join_steps, split_steps,
+};
 use crate::robot::{Gripper, JointConfig};
 use crate::train::{Choice, Episode, Progress, Taken, Trainer};
 
@@ -113,20 +117,26 @@ impl State {
         let all: Vec<Row> = buffers.iter().flat_map(|buffer| buffer.rows()).cloned().collect();
         let (steps, rows) = split_steps(&all);
         let mut rows = rows.into_iter();
-        let [paths, successes, scenes] = buffers
-            .map(|buffer| StoredBuffer { rows: rows.by_ref().take(buffer.rows().len()).collect(), replay: buffer.state() });
+        let [paths, successes, scenes] = buffers.map(|buffer| StoredBuffer {
+            rows: rows.by_ref().take(buffer.rows().len()).collect(),
+            replay: buffer.state(),
+        });
         let acting = trainer.config.training.acting_weights;
         let stored_depth = |depth: DepthState| {
             let adam = depth.adam.clone();
             let [_, other] = depth.acting_first(acting);
             StoredLearner { other, adam }
         };
-        let stored_ranker = |RankerState { target, adam, .. }| StoredLearner { other: target, adam };
+        let stored_ranker =
+            |RankerState { target, adam, .. }| StoredLearner { other: target, adam };
         Self {
             weights_digest,
             progress: trainer.progress,
             updates: learner.updates,
-            q_attention: networks.q_attention.as_ref().map(|agent| agent.state().depths.into_iter().map(stored_depth).collect()),
+            q_attention: networks
+                .q_attention
+                .as_ref()
+                .map(|agent| agent.state().depths.into_iter().map(stored_depth).collect()),
             ranker: networks.ranker.as_ref().map(|ranker| stored_ranker(ranker.state())),
             policy: networks.policy.as_ref().map(|policy| policy.state().adam),
             steps: steps.iter().map(|step| StoredStep::of(step)).collect(),
@@ -140,7 +150,11 @@ impl State {
     /// Brings a trainer with the weights of this checkpoint to this state.
     pub(super) fn restore<E>(mut self, trainer: &mut Trainer<E>) -> Result<()> {
         self.restore_networks(&mut trainer.agent.networks, trainer.config.training.acting_weights)?;
-        let steps: Vec<_> = self.steps.into_iter().map(|step| step.restore().map(Arc::new)).collect::<Result<_>>()?;
+        let steps: Vec<_> = self
+            .steps
+            .into_iter()
+            .map(|step| step.restore().map(Arc::new))
+            .collect::<Result<_>>()?;
         let settings = &trainer.config.replay;
         let uniform = ReplaySettings { priority_exponent: 0.0, ..settings.clone() };
         let learner = &mut trainer.learner;
@@ -164,7 +178,11 @@ impl State {
             (Some(attention), Some(stored)) => {
                 let mut state = attention.state();
                 if state.depths.len() != stored.len() {
-                    return Err(damaged(&format!("{} depths of Q-attention, expected {}", stored.len(), state.depths.len())));
+                    return Err(damaged(&format!(
+                        "{} depths of Q-attention, expected {}",
+                        stored.len(),
+                        state.depths.len()
+                    )));
                 }
                 for (depth, StoredLearner { other, adam }) in state.depths.iter_mut().zip(stored) {
                     depth.adam = adam;
@@ -208,18 +226,29 @@ impl State {
     }
 
     pub(super) fn from_bytes(bytes: &[u8]) -> Result<Self> {
-        let Some(rest) = bytes.strip_prefix(MAGIC) else { return Err(damaged("not a file of this program")) };
-        let Some((version, rest)) = rest.split_first_chunk::<4>() else { return Err(damaged("the file ends early")) };
+        let Some(rest) = bytes.strip_prefix(MAGIC) else {
+            return Err(damaged("not a file of this program"));
+        };
+        let Some((version, rest)) = rest.split_first_chunk::<4>() else {
+            return Err(damaged("the file ends early"));
+        };
         let version = u32::from_le_bytes(*version);
         if version > VERSION {
             return Err(damaged(&format!("version {version}, this program reads up to {VERSION}")));
         }
-        let Some((expected, payload)) = rest.split_first_chunk::<8>() else { return Err(damaged("the file ends early")) };
+        let Some((expected, payload)) = rest.split_first_chunk::<8>() else {
+            return Err(damaged("the file ends early"));
+        };
         if digest::of(payload) != u64::from_le_bytes(*expected) {
             return Err(damaged("damaged or cut short: the digest does not fit the content"));
         }
-        let (state, left) = postcard::take_from_bytes(payload).map_err(|error| damaged(&error.to_string()))?;
-        if left.is_empty() { Ok(state) } else { Err(damaged(&format!("{} bytes too many", left.len()))) }
+        let (state, left) =
+            postcard::take_from_bytes(payload).map_err(|error| damaged(&error.to_string()))?;
+        if left.is_empty() {
+            Ok(state)
+        } else {
+            Err(damaged(&format!("{} bytes too many", left.len())))
+        }
     }
 }
 
@@ -260,14 +289,34 @@ impl StoredStep {
 
 impl StoredObservation {
     fn of(observation: &QObservation) -> Self {
-        let Proprio { joints, gripper_width, gripper_open, finger_positions, grip, time } = observation.proprio;
+        let Proprio { joints, gripper_width, gripper_open, finger_positions, grip, time } =
+            observation.proprio;
         let points = observation.points.iter().map(|point| (point.position, point.rgb)).collect();
-        Self { bounds: observation.bounds, points, joints, gripper_width, gripper_open, finger_positions, grip, time }
+        Self {
+            bounds: observation.bounds,
+            points,
+            joints,
+            gripper_width,
+            gripper_open,
+            finger_positions,
+            grip,
+            time,
+        }
     }
 
     fn restore(self) -> QObservation {
-        let Self { bounds, points, joints, gripper_width, gripper_open, finger_positions, grip, time } = self;
-        let points = points.into_iter().map(|(position, rgb)| StoredPoint { position, rgb }).collect();
+        let Self {
+            bounds,
+            points,
+            joints,
+            gripper_width,
+            gripper_open,
+            finger_positions,
+            grip,
+            time,
+        } = self;
+        let points =
+            points.into_iter().map(|(position, rgb)| StoredPoint { position, rgb }).collect();
         let proprio = Proprio { joints, gripper_width, gripper_open, finger_positions, grip, time };
         QObservation { bounds, points, proprio }
     }
@@ -299,15 +348,19 @@ impl From<StoredSource> for Source {
 
 impl StoredEpisode {
     fn of(episode: &Episode) -> Self {
-        let stored =
-            |taken: &Taken| StoredTaken { step: StoredStep::of(taken.choice.step()), value: taken.value, reward: taken.reward };
+        let stored = |taken: &Taken| StoredTaken {
+            step: StoredStep::of(taken.choice.step()),
+            value: taken.value,
+            reward: taken.reward,
+        };
         Self { scene_seed: episode.scene_seed, steps: episode.steps.iter().map(stored).collect() }
     }
 
     /// An episode goes on only after a path that ran, so every choice is one.
     fn restore(self) -> Result<Episode> {
-        let taken =
-            |StoredTaken { step, value, reward }| Ok(Taken { choice: Choice::Path(Arc::new(step.restore()?)), value, reward });
+        let taken = |StoredTaken { step, value, reward }| {
+            Ok(Taken { choice: Choice::Path(Arc::new(step.restore()?)), value, reward })
+        };
         let steps = self.steps.into_iter().map(taken).collect::<Result<_>>()?;
         Ok(Episode { scene_seed: self.scene_seed, steps, next: None })
     }

@@ -17,7 +17,10 @@ fn message(result: Result<Trainer<Toy>>) -> String {
 }
 
 fn resume(weights: &[u8], state: &[u8]) -> Result<Trainer<Toy>> {
-    Trainer::resume(&Checkpoint { weights: weights.to_vec(), state: state.to_vec() }, Toy::new(&PANDA))
+    Trainer::resume(
+        &Checkpoint { weights: weights.to_vec(), state: state.to_vec() },
+        Toy::new(&PANDA),
+    )
 }
 
 /// A checkpoint in the middle of an episode.
@@ -31,7 +34,11 @@ fn checkpoint() -> Checkpoint {
 
 fn metrics(trainer: &mut Trainer<Toy>, n_steps: usize) -> Vec<(&'static str, u32)> {
     let mut step = || trainer.step().expect("a toy scene").metrics;
-    (0..n_steps).flat_map(|_| step().iter().map(|(name, value)| (name, value.to_bits())).collect::<Vec<_>>()).collect()
+    (0..n_steps)
+        .flat_map(|_| {
+            step().iter().map(|(name, value)| (name, value.to_bits())).collect::<Vec<_>>()
+        })
+        .collect()
 }
 
 #[test]
@@ -42,8 +49,13 @@ fn a_resumed_run_goes_on_bit_by_bit_from_any_step() {
         // An even and an odd number of steps: one of them ends in the middle of an episode of two.
         for n_steps in [8, 7, 6] {
             let checkpoint = interrupted.checkpoint().expect("a small seed");
-            interrupted = Trainer::resume(&checkpoint, Toy::new(&PANDA)).expect("an intact checkpoint");
-            assert_eq!(interrupted.checkpoint().as_ref(), Ok(&checkpoint), "nothing is lost or added");
+            interrupted =
+                Trainer::resume(&checkpoint, Toy::new(&PANDA)).expect("an intact checkpoint");
+            assert_eq!(
+                interrupted.checkpoint().as_ref(),
+                Ok(&checkpoint),
+                "nothing is lost or added"
+            );
             assert_eq!(metrics(&mut straight, n_steps), metrics(&mut interrupted, n_steps));
         }
         assert_eq!(straight.checkpoint(), interrupted.checkpoint());
@@ -70,10 +82,12 @@ fn the_weights_alone_make_an_agent_that_attends_alike_whichever_network_acts() {
         let saved = load_agent(&checkpoint.weights).expect("an intact file");
         let observation = trainer.environment().observe();
         let seen = trainer.agent().attended(&observation).expect("poses are learned");
-        let goal =
-            |agent: &crate::agent::Agent| agent.goal(&seen).expect("poses are learned").attention.map(|choice| choice.value);
+        let goal = |agent: &crate::agent::Agent| {
+            agent.goal(&seen).expect("poses are learned").attention.map(|choice| choice.value)
+        };
         assert_eq!(goal(&saved.agent), goal(trainer.agent()));
-        let mut resumed = Trainer::resume(&checkpoint, Toy::new(&PANDA)).expect("an intact checkpoint");
+        let mut resumed =
+            Trainer::resume(&checkpoint, Toy::new(&PANDA)).expect("an intact checkpoint");
         assert_eq!(metrics(&mut trainer, 2), metrics(&mut resumed, 2));
         assert_eq!(trainer.checkpoint(), resumed.checkpoint());
     }
@@ -87,8 +101,13 @@ fn attentive(acting: Weights) -> Trainer<Toy> {
     config.training.q_attention_batch = 2;
     config.q_attention.voxels_per_side = 8;
     config.q_attention.rotation_bins = 24;
-    config.q_attention.network =
-        NetworkSettings::Fast { cell_channels: 8, block_channels: 12, head_channels: 4, hidden: 16, harmonics: 4 };
+    config.q_attention.network = NetworkSettings::Fast {
+        cell_channels: 8,
+        block_channels: 12,
+        head_channels: 4,
+        hidden: 16,
+        harmonics: 4,
+    };
     let run = Run { poses: PoseSource::Learned, ..run(Method::Lpr, 4) };
     let mut trainer = Trainer::new(config, run, Toy::new(&PANDA)).expect("valid settings");
     let demo = Toy::new(&PANDA).demonstration(0).expect("within reach");
@@ -108,7 +127,9 @@ fn the_weights_alone_make_an_agent_that_ranks_alike() {
     let score = |agent| crate::evaluate::evaluate(agent, &mut Toy::new(&PANDA), 1000..1010, |_| ());
     assert_eq!(score(&saved.agent), score(trainer.agent()));
     let networks = &saved.agent.networks;
-    let online = |networks: &crate::agent::Networks| networks.ranker.as_ref().map(|ranker| ranker.state().online);
+    let online = |networks: &crate::agent::Networks| {
+        networks.ranker.as_ref().map(|ranker| ranker.state().online)
+    };
     assert_eq!(online(networks), online(&trainer.agent().networks));
 }
 
@@ -118,12 +139,17 @@ fn what_does_not_belong_together_is_refused() {
     assert!(resume(&weights, &state).is_ok());
     let other = trainer(config(), Method::Lpr, 9).checkpoint().expect("a small seed");
     assert!(message(resume(&other.weights, &state)).contains("not of one checkpoint"));
-    let elsewhere = Trainer::resume(&Checkpoint { weights: weights.clone(), state: state.clone() }, Toy::new(&XARM7));
+    let elsewhere = Trainer::resume(
+        &Checkpoint { weights: weights.clone(), state: state.clone() },
+        Toy::new(&XARM7),
+    );
     assert!(message(elsewhere).contains("panda"));
     assert!(message(resume(&weights, b"{\"version\": 1}")).contains("not a file of this program"));
     assert!(message(resume(b"PK\x03\x04 and so on", &state)).contains("not a safetensors file"));
     let foreign = safetensors::serialize::<&str, safetensors::tensor::TensorView<'_>, _>([], None);
-    assert!(foreign.is_ok_and(|foreign| message(resume(&foreign, &state)).contains("not a file of this program")));
+    assert!(foreign.is_ok_and(|foreign| {
+        message(resume(&foreign, &state)).contains("not a file of this program")
+    }));
 }
 
 #[test]
@@ -136,7 +162,10 @@ fn a_newer_version_is_named() {
     // In the JSON of the header, line ends are escaped.
     assert_eq!(at, None);
     let text = b"\\nversion = 1\\n";
-    let at = weights.windows(text.len()).position(|window| window == text).expect("the header starts so");
+    let at = weights
+        .windows(text.len())
+        .position(|window| window == text)
+        .expect("the header starts so");
     let mut newer = weights.clone();
     newer[at + text.len() - 3] = b'7';
     assert!(message(resume(&newer, &state)).contains("version 7"));

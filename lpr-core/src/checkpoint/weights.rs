@@ -62,10 +62,12 @@ pub fn read_header(weights: &[u8]) -> Result<WeightsHeader> {
 ///
 /// # Errors
 ///
-/// [`Error::Checkpoint`] naming what is corrupt, foreign or newer than this program, or the tensor that does not fit.
+/// [`Error::Checkpoint`] naming what is corrupt, foreign or newer than this program, or the tensor
+/// that does not fit.
 pub fn load_agent(weights: &[u8]) -> Result<SavedAgent> {
     let (header, mut tensors) = read(weights)?;
-    let robot = Robot::by_name(&header.robot).map_err(|error| Error::Checkpoint(format!("weights: {error}")))?;
+    let robot = Robot::by_name(&header.robot)
+        .map_err(|error| Error::Checkpoint(format!("weights: {error}")))?;
     let Run { method, poses, backend, seed, .. } = header.run;
     let mut networks = Networks::new(&header.config, robot, method, poses, Init { backend, seed })?;
     if let Some(attention) = &mut networks.q_attention {
@@ -88,7 +90,10 @@ pub fn load_agent(weights: &[u8]) -> Result<SavedAgent> {
         policy.restore(&state)?;
     }
     if let Some(tensor) = tensors.first() {
-        return Err(Error::Checkpoint(format!("weights: tensor `{}` belongs to no network", tensor.name)));
+        return Err(Error::Checkpoint(format!(
+            "weights: tensor `{}` belongs to no network",
+            tensor.name
+        )));
     }
     let agent = Agent::new(&header.config, robot, method, networks);
     Ok(SavedAgent { header, agent })
@@ -99,7 +104,9 @@ pub(super) fn write<E>(trainer: &Trainer<E>) -> Result<Vec<u8>> {
     let networks = &trainer.agent.networks;
     let mut tensors = Vec::new();
     let acting = trainer.config.training.acting_weights;
-    for (depth_idx, depth) in networks.q_attention.iter().flat_map(|agent| agent.state().depths).enumerate() {
+    for (depth_idx, depth) in
+        networks.q_attention.iter().flat_map(|agent| agent.state().depths).enumerate()
+    {
         let [acting, _] = depth.acting_first(acting);
         tensors.extend(named(&depth_name(depth_idx), acting));
     }
@@ -116,9 +123,13 @@ pub(super) fn write<E>(trainer: &Trainer<E>) -> Result<Vec<u8>> {
         progress: trainer.progress,
         config: trainer.config.clone(),
     };
-    let text = toml::to_string(&header).map_err(|error| Error::Checkpoint(format!("header: {error}")))?;
+    let text =
+        toml::to_string(&header).map_err(|error| Error::Checkpoint(format!("header: {error}")))?;
     let bytes: Vec<_> = tensors.iter().map(|tensor| (tensor, to_bytes(&tensor.values))).collect();
-    let digest = content_digest(&text, bytes.iter().map(|(tensor, bytes)| (tensor.name.as_str(), bytes.as_slice())));
+    let digest = content_digest(
+        &text,
+        bytes.iter().map(|(tensor, bytes)| (tensor.name.as_str(), bytes.as_slice())),
+    );
     let metadata = HashMap::from([(METADATA.to_owned(), format!("{digest:016x}\n{text}"))]);
     let views = bytes.iter().map(|(tensor, bytes)| {
         let view = TensorView::new(Dtype::F32, tensor.shape.clone(), bytes);
@@ -132,20 +143,30 @@ fn read(weights: &[u8]) -> Result<(WeightsHeader, Vec<NamedTensor>)> {
     let file = SafeTensors::deserialize(weights).map_err(|error| foreign(&error))?;
     let (_, metadata) = SafeTensors::read_metadata(weights).map_err(|error| foreign(&error))?;
     let entry = metadata.metadata().as_ref().and_then(|entries| entries.get(METADATA));
-    let missing = || Error::Checkpoint(format!("weights: no metadata `{METADATA}`: not a file of this program"));
+    let missing = || {
+        Error::Checkpoint(format!("weights: no metadata `{METADATA}`: not a file of this program"))
+    };
     let (digest, text) = entry.and_then(|entry| entry.split_once('\n')).ok_or_else(missing)?;
-    let any: AnyVersion = toml::from_str(text).map_err(|error| Error::Checkpoint(format!("weights: header: {error}")))?;
+    let any: AnyVersion = toml::from_str(text)
+        .map_err(|error| Error::Checkpoint(format!("weights: header: {error}")))?;
     if any.version > VERSION {
         let version = any.version;
-        return Err(Error::Checkpoint(format!("weights: version {version}, this program reads up to {VERSION}")));
+        return Err(Error::Checkpoint(format!(
+            "weights: version {version}, this program reads up to {VERSION}"
+        )));
     }
     let tensors = file.tensors();
-    let content = content_digest(text, tensors.iter().map(|(name, view)| (name.as_str(), view.data())));
+    let content =
+        content_digest(text, tensors.iter().map(|(name, view)| (name.as_str(), view.data())));
     if format!("{content:016x}") != digest {
-        return Err(Error::Checkpoint("weights: damaged: the digest does not fit the content".to_owned()));
+        return Err(Error::Checkpoint(
+            "weights: damaged: the digest does not fit the content".to_owned(),
+        ));
     }
-    let header = toml::from_str(text).map_err(|error| Error::Checkpoint(format!("weights: header: {error}")))?;
-    let tensors = tensors.iter().map(|(name, view)| from_view(name, view)).collect::<Result<_>>()?;
+    let header = toml::from_str(text)
+        .map_err(|error| Error::Checkpoint(format!("weights: header: {error}")))?;
+    let tensors =
+        tensors.iter().map(|(name, view)| from_view(name, view)).collect::<Result<_>>()?;
     Ok((header, tensors))
 }
 
@@ -161,7 +182,8 @@ fn content_digest<'a>(header: &str, tensors: impl Iterator<Item = (&'a str, &'a 
 
 /// `tensors` as those of `network`.
 fn named(network: &str, tensors: Vec<NamedTensor>) -> Vec<NamedTensor> {
-    let prefixed = |tensor: NamedTensor| NamedTensor { name: format!("{network}.{}", tensor.name), ..tensor };
+    let prefixed =
+        |tensor: NamedTensor| NamedTensor { name: format!("{network}.{}", tensor.name), ..tensor };
     tensors.into_iter().map(prefixed).collect()
 }
 
@@ -174,8 +196,12 @@ fn depth_name(depth_idx: usize) -> String {
 fn take(tensors: &mut Vec<NamedTensor>, network: &str) -> Vec<NamedTensor> {
     let mut taken = Vec::new();
     tensors.retain_mut(|tensor| {
-        let Some(name) = tensor.name.strip_prefix(network).and_then(|rest| rest.strip_prefix('.')) else { return true };
-        let (name, shape, values) = (name.to_owned(), tensor.shape.clone(), core::mem::take(&mut tensor.values));
+        let Some(name) = tensor.name.strip_prefix(network).and_then(|rest| rest.strip_prefix('.'))
+        else {
+            return true;
+        };
+        let (name, shape, values) =
+            (name.to_owned(), tensor.shape.clone(), core::mem::take(&mut tensor.values));
         taken.push(NamedTensor { name, shape, values });
         false
     });
@@ -188,7 +214,10 @@ fn to_bytes(values: &[f32]) -> Vec<u8> {
 
 fn from_view(name: &str, view: &TensorView<'_>) -> Result<NamedTensor> {
     if view.dtype() != Dtype::F32 {
-        return Err(Error::Checkpoint(format!("weights: tensor `{name}`: expected F32, found {:?}", view.dtype())));
+        return Err(Error::Checkpoint(format!(
+            "weights: tensor `{name}`: expected F32, found {:?}",
+            view.dtype()
+        )));
     }
     let (words, _) = view.data().as_chunks::<4>();
     let values = words.iter().map(|word| f32::from_le_bytes(*word)).collect();

@@ -19,7 +19,8 @@ pub struct Regret {
 }
 
 impl Regret {
-    /// Mean over the decisive steps of the best reward minus that of the chosen path; none without such a step.
+    /// Mean over the decisive steps of the best reward minus that of the chosen path; none without
+    /// such a step.
     #[must_use]
     pub fn mean(&self) -> Option<f64> {
         (self.decisive_steps > 0).then(|| self.missed as f64 / self.decisive_steps as f64)
@@ -33,10 +34,12 @@ impl Regret {
     }
 }
 
-/// [`evaluate`](super::evaluate) for an oracle that executes every candidate of `agent` from a snapshot and goes on with the best.
+/// [`evaluate`](super::evaluate) for an oracle that executes every candidate of `agent` from a
+/// snapshot and goes on with the best.
 ///
-/// The best is one that finishes the task; else, among those that end without an invalid action, the one whose grip ends nearest
-/// to the pose. The oracle looks one step ahead: a path that grasps badly counts like one that grasps well.
+/// The best is one that finishes the task; else, among those that end without an invalid action,
+/// the one whose grip ends nearest to the pose. The oracle looks one step ahead: a path that grasps
+/// badly counts like one that grasps well.
 ///
 /// # Errors
 ///
@@ -75,8 +78,9 @@ pub fn measure_regret<E: Environment + Clone + Send + Sync>(
     for seed in seeds {
         let mut run = |environment: &mut E, action: &Action| {
             let (snapshot, candidates) = (&*environment, &action.set.candidates);
-            let rewards =
-                map_in_order(candidates.len(), |idx| snapshot.clone().step(&candidates[idx].path, action.goal.gripper).reward);
+            let rewards = map_in_order(candidates.len(), |idx| {
+                snapshot.clone().step(&candidates[idx].path, action.goal.gripper).reward
+            });
             let best = rewards.into_iter().fold(0.0, f32::max);
             let result = execute(environment, agent.poses(), action);
             regret.add(best, result.reward);
@@ -88,7 +92,10 @@ pub fn measure_regret<E: Environment + Clone + Send + Sync>(
 }
 
 /// Every candidate's world after it, and what came of it.
-fn outcomes<E: Environment + Clone>(snapshot: &E, action: &Action) -> impl Iterator<Item = (E, StepResult)> {
+fn outcomes<E: Environment + Clone>(
+    snapshot: &E,
+    action: &Action,
+) -> impl Iterator<Item = (E, StepResult)> {
     action.set.candidates.iter().map(|candidate| {
         let mut world = snapshot.clone();
         let result = world.step(&candidate.path, action.goal.gripper);

@@ -20,7 +20,11 @@ pub struct RecordedStep {
 /// # Errors
 ///
 /// As [`evaluate`](super::evaluate).
-pub fn record_episode(agent: &Agent, environment: &mut impl Environment, seed: u64) -> Result<Vec<RecordedStep>> {
+pub fn record_episode(
+    agent: &Agent,
+    environment: &mut impl Environment,
+    seed: u64,
+) -> Result<Vec<RecordedStep>> {
     let mut steps = Vec::new();
     let mut run = |environment: &mut _, action: &Action| {
         let result = execute(environment, agent.poses(), action);

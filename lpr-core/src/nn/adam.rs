@@ -1,8 +1,10 @@
-//! Adam on the named parameter vectors of a network, with L2 regularisation and gradient clipping as in `PyTorch`.
+//! Adam on the named parameter vectors of a network, with L2 regularisation and gradient clipping
+//! as in `PyTorch`.
 //!
-//! burn's optimiser keeps its state under parameter ids that are drawn at random; here it is two vectors per parameter and
-//! a count, in the order of the network's fields, which a checkpoint stores and restores bit by bit. It also needs one pass over
-//! each parameter instead of one per operation.
+//! burn's optimiser keeps its state under parameter ids that are drawn at random; here it is two
+//! vectors per parameter and a count, in the order of the network's fields, which a checkpoint
+//! stores and restores bit by bit. It also needs one pass over each parameter instead of one per
+//! operation.
 
 use super::parameters::{find, map_values};
 use super::{NamedTensor, export, values};
@@ -81,7 +83,8 @@ impl Adam {
         self.state.updates += 1;
         let rate = StepSize::new(self.settings.learning_rate, self.state.updates);
         map_values(module, |idx, mut parameter| {
-            let (first, second) = (&mut self.state.first[idx].values, &mut self.state.second[idx].values);
+            let (first, second) =
+                (&mut self.state.first[idx].values, &mut self.state.second[idx].values);
             for (k, p) in parameter.iter_mut().enumerate() {
                 let gradient = gradients[idx][k] + self.settings.l2 * *p;
                 first[k] = BETA_1 as f32 * first[k] + (1.0 - BETA_1) as f32 * gradient;
@@ -101,7 +104,11 @@ impl Adam {
     pub(crate) fn restore(&mut self, state: &AdamState) -> Result<()> {
         let fit = |own: &[NamedTensor], other: &[NamedTensor]| -> Result<Vec<NamedTensor>> {
             if own.len() != other.len() {
-                return Err(Error::Checkpoint(format!("expected {} optimiser tensors, found {}", own.len(), other.len())));
+                return Err(Error::Checkpoint(format!(
+                    "expected {} optimiser tensors, found {}",
+                    own.len(),
+                    other.len()
+                )));
             }
             own.iter().map(|tensor| find(tensor, other).cloned()).collect()
         };
@@ -135,7 +142,8 @@ fn clip(gradients: &mut [Vec<f32>], limit: GradientClip) {
         GradientClip::None => {}
         GradientClip::Value(limit) => all.for_each(|g| *g = g.clamp(-limit, limit)),
         GradientClip::Norm(limit) => {
-            let norm = libm::sqrt(gradients.iter().flatten().map(|&g| f64::from(g) * f64::from(g)).sum());
+            let norm =
+                libm::sqrt(gradients.iter().flatten().map(|&g| f64::from(g) * f64::from(g)).sum());
             // 1e-6: as PyTorch's `clip_grad_norm_`.
             let scale = (f64::from(limit) / (norm + 1e-6)).min(1.0) as f32;
             gradients.iter_mut().flatten().for_each(|g| *g *= scale);
@@ -154,7 +162,9 @@ impl ModuleVisitor for Collector {
         let leaf = param.val();
         let n_values = leaf.dims().iter().product();
         // A parameter that the loss does not depend on has no gradient.
-        self.collected.push(leaf.grad_remove(&mut self.gradients).map_or_else(|| vec![0.0; n_values], values));
+        self.collected.push(
+            leaf.grad_remove(&mut self.gradients).map_or_else(|| vec![0.0; n_values], values),
+        );
     }
 }
 
@@ -164,10 +174,16 @@ mod tests {
     use crate::nn::{Backend, Mlp, Spread, tensor};
     use crate::rng::{Stream, stream};
 
-    const SETTINGS: AdamSettings = AdamSettings { learning_rate: 0.01, l2: 1e-3, clip: GradientClip::None };
+    const SETTINGS: AdamSettings =
+        AdamSettings { learning_rate: 0.01, l2: 1e-3, clip: GradientClip::None };
 
     fn network() -> Mlp {
-        Mlp::new(&[2, 8, 1], Spread::Xavier, &Backend::Flex.device(), &mut stream(3, Stream::Init, 0))
+        Mlp::new(
+            &[2, 8, 1],
+            Spread::Xavier,
+            &Backend::Flex.device(),
+            &mut stream(3, Stream::Init, 0),
+        )
     }
 
     /// One update towards the sum of two inputs; the loss before it.
@@ -201,7 +217,12 @@ mod tests {
 
     #[test]
     fn a_state_of_another_network_is_refused() {
-        let other = Mlp::new(&[2, 9, 1], Spread::Xavier, &Backend::Flex.device(), &mut stream(3, Stream::Init, 0));
+        let other = Mlp::new(
+            &[2, 9, 1],
+            Spread::Xavier,
+            &Backend::Flex.device(),
+            &mut stream(3, Stream::Init, 0),
+        );
         let mut adam = Adam::new(SETTINGS, &network());
         let error = adam.restore(Adam::new(SETTINGS, &other).state()).expect_err("another width");
         assert!(error.to_string().contains("layers.0.weight"), "{error}");
@@ -217,7 +238,8 @@ mod tests {
         };
         assert_eq!(clipped(GradientClip::None), gradients());
         assert_eq!(clipped(GradientClip::Value(0.5)), [vec![0.5, -0.1], vec![-0.5]]);
-        let norm = clipped(GradientClip::Norm(1.0)).iter().flatten().map(|g| g * g).sum::<f32>().sqrt();
+        let norm =
+            clipped(GradientClip::Norm(1.0)).iter().flatten().map(|g| g * g).sum::<f32>().sqrt();
         assert!((norm - 1.0).abs() < 1e-5, "{norm}");
         assert_eq!(clipped(GradientClip::Norm(1e3)), gradients());
     }

@@ -30,8 +30,8 @@ impl JointScale {
     }
 }
 
-/// Position in metres and orientation as two columns of its matrix: continuous, unlike quaternions and Euler angles
-/// (Zhou et al. 2019).
+/// Position in metres and orientation as two columns of its matrix: continuous, unlike quaternions
+/// and Euler angles (Zhou et al. 2019).
 pub(crate) fn pose_features(pose: &Pose3) -> [f32; POSE_FEATURES] {
     let [x, y, z] = pose.translation.to_array();
     let rotation = Mat3::from_quat(pose.rotation);
@@ -60,18 +60,26 @@ mod tests {
     fn joint_limits_become_one() {
         let scale = JointScale::new(&PANDA);
         let at = |fraction: f32| {
-            scale.apply(&JointConfig(PANDA.joints.map(|joint| joint.lower + fraction * (joint.upper - joint.lower))))
+            scale.apply(&JointConfig(
+                PANDA.joints.map(|joint| joint.lower + fraction * (joint.upper - joint.lower)),
+            ))
         };
         for (fraction, expected) in [(0.0, -1.0), (0.5, 0.0), (0.75, 0.5), (1.0, 1.0)] {
-            assert!(at(fraction).iter().all(|value| (value - expected).abs() < 1e-6), "{:?}", at(fraction));
+            assert!(
+                at(fraction).iter().all(|value| (value - expected).abs() < 1e-6),
+                "{:?}",
+                at(fraction)
+            );
         }
     }
 
     #[test]
     fn both_signs_of_a_quaternion_are_the_same_pose() {
         let rotation = Quat::from_rotation_z(0.7) * Quat::from_rotation_x(core::f32::consts::PI);
-        let goal =
-            |rotation| NextBestPose { pose: Pose3::from_parts(Vec3::new(0.4, -0.1, 0.2), rotation), gripper: Gripper::Close };
+        let goal = |rotation| NextBestPose {
+            pose: Pose3::from_parts(Vec3::new(0.4, -0.1, 0.2), rotation),
+            gripper: Gripper::Close,
+        };
         let features = goal_features(&goal(rotation));
         assert_eq!(features, goal_features(&goal(-rotation)));
         assert_eq!(features[..3], [0.4, -0.1, 0.2]);

@@ -17,7 +17,8 @@ pub(crate) struct GoldenGoal {
 
 impl GoldenGoal {
     pub(crate) fn next_best_pose(&self) -> NextBestPose {
-        let pose = Pose3::from_parts(Vec3::from_array(self.position), Quat::from_array(self.quaternion));
+        let pose =
+            Pose3::from_parts(Vec3::from_array(self.position), Quat::from_array(self.quaternion));
         NextBestPose { pose, gripper: self.gripper }
     }
 }
@@ -29,7 +30,11 @@ pub(crate) fn assert_close(what: &str, found: &[f32], expected: &[f32], toleranc
     }
 }
 
-pub(crate) fn assert_tensors_close(found: &[NamedTensor], expected: &[NamedTensor], tolerance: f32) {
+pub(crate) fn assert_tensors_close(
+    found: &[NamedTensor],
+    expected: &[NamedTensor],
+    tolerance: f32,
+) {
     assert_eq!(found.len(), expected.len());
     for (found, expected) in found.iter().zip(expected) {
         assert_eq!((&found.name, &found.shape), (&expected.name, &expected.shape));

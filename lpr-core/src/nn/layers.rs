@@ -12,7 +12,8 @@ use rand::RngExt as _;
 /// How wide the uniform distribution of initial weights is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Spread {
-    /// For a layer before a leaky rectifier of this slope: `±√(6 / ((1 + slope²) fan_in))` (He et al. 2015).
+    /// For a layer before a leaky rectifier of this slope: `±√(6 / ((1 + slope²) fan_in))` (He et
+    /// al. 2015).
     Kaiming {
         /// Slope below zero; 0 for ReLU.
         slope: f32,
@@ -33,7 +34,8 @@ impl Spread {
         }
     }
 
-    /// A parameter of `shape` for a layer that sums `fan_in` inputs and feeds each into `fan_out` outputs.
+    /// A parameter of `shape` for a layer that sums `fan_in` inputs and feeds each into `fan_out`
+    /// outputs.
     pub(crate) fn draw<const D: usize>(
         self,
         shape: [usize; D],
@@ -49,7 +51,8 @@ impl Spread {
     }
 }
 
-/// `x W + b` on the rows of a matrix. The weight is stored `[fan_in, fan_out]`: `PyTorch`'s transposed.
+/// `x W + b` on the rows of a matrix. The weight is stored `[fan_in, fan_out]`: `PyTorch`'s
+/// transposed.
 #[derive(Module, Debug)]
 pub(crate) struct Dense {
     weight: Param<Tensor<2>>,
@@ -58,7 +61,13 @@ pub(crate) struct Dense {
 
 impl Dense {
     /// Weights of `fan_in` x `fan_out` spread as given, and zero biases.
-    pub(crate) fn new(fan_in: usize, fan_out: usize, spread: Spread, device: &Device, rng: &mut Rng) -> Self {
+    pub(crate) fn new(
+        fan_in: usize,
+        fan_out: usize,
+        spread: Spread,
+        device: &Device,
+        rng: &mut Rng,
+    ) -> Self {
         Self {
             weight: spread.draw([fan_in, fan_out], fan_in, fan_out, device, rng),
             bias: Param::from_tensor(tensor(vec![0.0; fan_out], [fan_out], device)),
@@ -81,12 +90,17 @@ pub(crate) struct Mlp {
 }
 
 impl Mlp {
-    /// Layers from `widths[0]` inputs over `widths[1]`, … to the last width; the last layer's weights are spread as `output`.
+    /// Layers from `widths[0]` inputs over `widths[1]`, … to the last width; the last layer's
+    /// weights are spread as `output`.
     pub(crate) fn new(widths: &[usize], output: Spread, device: &Device, rng: &mut Rng) -> Self {
         let n_layers = widths.len() - 1;
-        let spread = |idx| if idx + 1 == n_layers { output } else { Spread::Kaiming { slope: 0.0 } };
-        let layers =
-            widths.windows(2).enumerate().map(|(idx, pair)| Dense::new(pair[0], pair[1], spread(idx), device, rng)).collect();
+        let spread =
+            |idx| if idx + 1 == n_layers { output } else { Spread::Kaiming { slope: 0.0 } };
+        let layers = widths
+            .windows(2)
+            .enumerate()
+            .map(|(idx, pair)| Dense::new(pair[0], pair[1], spread(idx), device, rng))
+            .collect();
         Self { layers }
     }
 
@@ -95,7 +109,8 @@ impl Mlp {
     /// - `x`: `[N, widths[0]]`
     /// - output: `[N, last width]`
     pub(crate) fn forward(&self, x: Tensor<2>) -> Tensor<2> {
-        let (last, hidden) = self.layers.split_last().expect("an Mlp is made with at least one layer");
+        let (last, hidden) =
+            self.layers.split_last().expect("an Mlp is made with at least one layer");
         let x = hidden.iter().fold(x, |x, layer| relu(layer.forward(x)));
         last.forward(x)
     }
@@ -117,8 +132,15 @@ mod tests {
         let tensors = draw(1);
         assert_eq!(tensors, draw(1));
         assert_ne!(tensors, draw(2));
-        for (name, bound) in [("layers.0.weight", (6.0_f32 / 7.0).sqrt()), ("layers.1.weight", (6.0_f32 / 67.0).sqrt())] {
-            let weights = &tensors.iter().find(|tensor| tensor.name == name).expect("both layers have weights").values;
+        for (name, bound) in [
+            ("layers.0.weight", (6.0_f32 / 7.0).sqrt()),
+            ("layers.1.weight", (6.0_f32 / 67.0).sqrt()),
+        ] {
+            let weights = &tensors
+                .iter()
+                .find(|tensor| tensor.name == name)
+                .expect("both layers have weights")
+                .values;
             let most = weights.iter().fold(0.0_f32, |most, weight| most.max(weight.abs()));
             assert!(most <= bound && most > 0.9 * bound, "{name}: {most} of {bound}");
             let mean = weights.iter().sum::<f32>() / weights.len() as f32;

@@ -1,7 +1,8 @@
 //! Tensor building blocks: device, layers with seeded weights, named parameters, Adam.
 //!
-//! Networks rest on a plain device and become autodiff leaves for one update only (`Module::train`), so that acting never
-//! records a graph. Adam is our own: it works on the same flat vectors that a checkpoint stores, and resumes bit by bit.
+//! Networks rest on a plain device and become autodiff leaves for one update only
+//! (`Module::train`), so that acting never records a graph. Adam is our own: it works on the same
+//! flat vectors that a checkpoint stores, and resumes bit by bit.
 
 mod adam;
 mod features;
@@ -46,7 +47,10 @@ impl Backend {
             #[cfg(feature = "ndarray")]
             "ndarray" => Ok(Self::Ndarray),
             #[cfg(not(feature = "ndarray"))]
-            "ndarray" => Err(Error::Config("backend `ndarray`: this program was built without the feature `ndarray`".to_owned())),
+            "ndarray" => Err(Error::Config(
+                "backend `ndarray`: this program was built without the feature `ndarray`"
+                    .to_owned(),
+            )),
             _ => Err(Error::Config(format!("unknown backend `{name}`, known: flex, ndarray"))),
         }
     }
@@ -56,14 +60,21 @@ impl Backend {
         match self {
             Self::Flex => Device::flex(),
             #[cfg(feature = "ndarray")]
-            #[expect(deprecated, reason = "kept as a cross-check of burn-flex for as long as burn has it")]
+            #[expect(
+                deprecated,
+                reason = "kept as a cross-check of burn-flex for as long as burn has it"
+            )]
             Self::Ndarray => Device::ndarray(),
         }
     }
 }
 
 /// A tensor of `shape` from its values in row-major order.
-pub(crate) fn tensor<const D: usize>(values: Vec<f32>, shape: [usize; D], device: &Device) -> Tensor<D> {
+pub(crate) fn tensor<const D: usize>(
+    values: Vec<f32>,
+    shape: [usize; D],
+    device: &Device,
+) -> Tensor<D> {
     Tensor::from_data(TensorData::new(values, shape), device)
 }
 

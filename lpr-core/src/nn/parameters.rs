@@ -47,11 +47,17 @@ impl ModuleVisitor for Exporter {
     }
 }
 
-/// `module` with the values of `tensors`, which must be those of a network of the same settings in any order.
+/// `module` with the values of `tensors`, which must be those of a network of the same settings in
+/// any order.
 pub(crate) fn import<M: Module>(module: M, tensors: &[NamedTensor]) -> Result<M> {
-    let ordered = export(&module).iter().map(|own| find(own, tensors)).collect::<Result<Vec<_>>>()?;
+    let ordered =
+        export(&module).iter().map(|own| find(own, tensors)).collect::<Result<Vec<_>>>()?;
     if ordered.len() != tensors.len() {
-        return Err(Error::Checkpoint(format!("the network has {} tensors, the checkpoint {}", ordered.len(), tensors.len())));
+        return Err(Error::Checkpoint(format!(
+            "the network has {} tensors, the checkpoint {}",
+            ordered.len(),
+            tensors.len()
+        )));
     }
     Ok(map_values(module, |idx, _| ordered[idx].values.clone()))
 }
@@ -87,8 +93,12 @@ pub(crate) fn mix<M: Module>(target: M, online: &M, tau: f32) -> M {
     })
 }
 
-/// `module` with every parameter replaced by `change(index of the parameter, its values)`, on the same device.
-pub(super) fn map_values<M: Module>(module: M, change: impl FnMut(usize, Vec<f32>) -> Vec<f32>) -> M {
+/// `module` with every parameter replaced by `change(index of the parameter, its values)`, on the
+/// same device.
+pub(super) fn map_values<M: Module>(
+    module: M,
+    change: impl FnMut(usize, Vec<f32>) -> Vec<f32>,
+) -> M {
     module.map(&mut ValueMapper { next: 0, change })
 }
 
@@ -114,7 +124,12 @@ mod tests {
     use crate::rng::{Stream, stream};
 
     fn network(seed: u64) -> Mlp {
-        Mlp::new(&[3, 4, 2], Spread::Xavier, &Backend::Flex.device(), &mut stream(seed, Stream::Init, 0))
+        Mlp::new(
+            &[3, 4, 2],
+            Spread::Xavier,
+            &Backend::Flex.device(),
+            &mut stream(seed, Stream::Init, 0),
+        )
     }
 
     #[test]
@@ -138,7 +153,9 @@ mod tests {
         };
         assert!(broken(|tensors| tensors[0].shape.reverse()).contains("layers.0.weight"));
         assert!(broken(|tensors| tensors[1].values[0] = f32::NAN).contains("NaN"));
-        assert!(broken(|tensors| "other".clone_into(&mut tensors[2].name)).contains("layers.1.weight"));
+        assert!(
+            broken(|tensors| "other".clone_into(&mut tensors[2].name)).contains("layers.1.weight")
+        );
         assert!(broken(|tensors| tensors.push(tensors[0].clone())).contains("5"));
         assert!(broken(|tensors| tensors.truncate(3)).contains("layers.1.bias"));
     }

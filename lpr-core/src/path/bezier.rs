@@ -2,10 +2,10 @@
 //!
 //! # Differences from the paper
 //!
-//! - The orientation turns at constant speed from start to goal; the paper says nothing of it, its code mixes raw quaternion
-//!   components.
-//! - The spread of the middle point is a standard deviation in metres: "variance 0.2" read as metres² (0.45 m) leaves few
-//!   curves within reach.
+//! - The orientation turns at constant speed from start to goal; the paper says nothing of it, its
+//!   code mixes raw quaternion components.
+//! - The spread of the middle point is a standard deviation in metres: "variance 0.2" read as
+//!   metres² (0.45 m) leaves few curves within reach.
 
 use super::follow::follow;
 use super::{JointPath, Rejection};
@@ -30,7 +30,8 @@ const LENGTH_CHORDS: u16 = 8;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BezierSettings {
-    /// Standard deviation of the middle control point per axis, metres (the paper's "variance 0.2" is 0.447).
+    /// Standard deviation of the middle control point per axis, metres (the paper's "variance 0.2"
+    /// is 0.447).
     pub sigma: f32,
 }
 
@@ -64,7 +65,8 @@ pub struct BezierCurve {
 }
 
 impl BezierCurve {
-    /// The curve from `start` to `goal` (`world_from_grip`) with the middle control point `middle` (world, metres).
+    /// The curve from `start` to `goal` (`world_from_grip`) with the middle control point `middle`
+    /// (world, metres).
     #[must_use]
     pub fn new(start: &Pose3, middle: Vec3, goal: &Pose3) -> Self {
         let is_short_way = start.rotation.dot(goal.rotation) >= 0.0;
@@ -75,7 +77,8 @@ impl BezierCurve {
         }
     }
 
-    /// A curve whose middle control point is drawn from a Gaussian around the middle of start and goal.
+    /// A curve whose middle control point is drawn from a Gaussian around the middle of start and
+    /// goal.
     ///
     /// ```
     /// use lpr_core::path::{BezierCurve, BezierSettings};
@@ -97,8 +100,8 @@ impl BezierCurve {
         Self::new(start, 0.5 * (start.translation + goal.translation) + offset, goal)
     }
 
-    /// `world_from_grip` at parameter `t`, 0 to 1: `(1-t)² P_0 + 2(1-t)t P_1 + t² P_2`, and the orientation at a share `t` of the
-    /// turn.
+    /// `world_from_grip` at parameter `t`, 0 to 1: `(1-t)² P_0 + 2(1-t)t P_1 + t² P_2`, and the
+    /// orientation at a share `t` of the turn.
     #[must_use]
     pub fn pose(&self, t: f32) -> Pose3 {
         let [start, middle, end] = self.points;
@@ -121,7 +124,8 @@ impl BezierCurve {
     ///
     /// # Errors
     ///
-    /// When the arm cannot follow to the end: [`Rejection::CurveUnreachable`] or [`Rejection::BranchJump`].
+    /// When the arm cannot follow to the end: [`Rejection::CurveUnreachable`] or
+    /// [`Rejection::BranchJump`].
     pub fn to_joints(&self, robot: &Robot, start: &JointConfig) -> Result<JointPath, Rejection> {
         follow(robot, start, self.n_steps(), |t| self.pose(t))
     }
@@ -149,8 +153,14 @@ mod tests {
     use proptest::prelude::*;
 
     fn pose() -> impl Strategy<Value = Pose3> {
-        (prop::array::uniform3(-1.0_f32..1.0), prop::array::uniform3(-3.0_f32..3.0))
-            .prop_map(|(at, turn)| Pose3::from_parts(Vec3::from_array(at), Quat::from_scaled_axis(Vec3::from_array(turn))))
+        (prop::array::uniform3(-1.0_f32..1.0), prop::array::uniform3(-3.0_f32..3.0)).prop_map(
+            |(at, turn)| {
+                Pose3::from_parts(
+                    Vec3::from_array(at),
+                    Quat::from_scaled_axis(Vec3::from_array(turn)),
+                )
+            },
+        )
     }
 
     proptest! {
@@ -175,11 +185,20 @@ mod tests {
     /// Values of the Bernstein polynomials of degree 2 at quarters, by hand.
     #[test]
     fn positions_are_sums_of_bernstein_polynomials() {
-        let expected = [[1.0, 0.0, 0.0], [0.5625, 0.375, 0.0625], [0.25, 0.5, 0.25], [0.0625, 0.375, 0.5625], [0.0, 0.0, 1.0]];
+        let expected = [
+            [1.0, 0.0, 0.0],
+            [0.5625, 0.375, 0.0625],
+            [0.25, 0.5, 0.25],
+            [0.0625, 0.375, 0.5625],
+            [0.0, 0.0, 1.0],
+        ];
         let at = |point| Pose3::from_parts(point, Quat::IDENTITY);
         let curve = BezierCurve::new(&at(Vec3::X), Vec3::Y, &at(Vec3::Z));
         for (quarter, weights) in (0_u8..).zip(expected) {
-            assert_eq!(curve.pose(0.25 * f32::from(quarter)).translation, Vec3::from_array(weights));
+            assert_eq!(
+                curve.pose(0.25 * f32::from(quarter)).translation,
+                Vec3::from_array(weights)
+            );
         }
     }
 
@@ -190,8 +209,11 @@ mod tests {
         let mut rng = stream(5, Stream::Bezier, 0);
         let n = 10_000;
         let middle = Vec3::new(0.5, 0.0, 0.3);
-        let offsets: Vec<Vec3> =
-            (0..n).map(|_| BezierCurve::sample(&at(0.2), &at(0.8), &settings, &mut rng).points[1] - middle).collect();
+        let offsets: Vec<Vec3> = (0..n)
+            .map(|_| {
+                BezierCurve::sample(&at(0.2), &at(0.8), &settings, &mut rng).points[1] - middle
+            })
+            .collect();
         let n = n as f32;
         let mean = offsets.iter().fold(Vec3::ZERO, |sum, offset| sum + *offset) / n;
         let variance = offsets.iter().fold(Vec3::ZERO, |sum, offset| sum + *offset * *offset) / n;
@@ -205,17 +227,22 @@ mod tests {
     fn joints_follow_the_curve_from_the_exact_start_to_the_goal() {
         for robot in ROBOTS {
             let start = robot.grip(&robot.start);
-            let goal =
-                Pose3::from_parts(start.translation + Vec3::new(-0.05, 0.2, -0.1), start.rotation * Quat::from_rotation_z(0.6));
+            let goal = Pose3::from_parts(
+                start.translation + Vec3::new(-0.05, 0.2, -0.1),
+                start.rotation * Quat::from_rotation_z(0.6),
+            );
             let mut rng = stream(2, Stream::Bezier, 0);
             for _ in 0..20 {
-                let curve = BezierCurve::sample(&start, &goal, &BezierSettings { sigma: 0.05 }, &mut rng);
+                let curve =
+                    BezierCurve::sample(&start, &goal, &BezierSettings { sigma: 0.05 }, &mut rng);
                 let path = curve.to_joints(robot, &robot.start).unwrap();
                 assert_eq!(*path.start(), robot.start);
-                // No step was halved on so easy a curve, so the configurations belong to equal steps of the parameter.
+                // No step was halved on so easy a curve, so the configurations belong to equal
+                // steps of the parameter.
                 assert_eq!(path.configs().len(), curve.n_steps() + 1);
                 for (i, config) in path.configs().iter().enumerate() {
-                    let (found, wanted) = (robot.grip(config), curve.pose(i as f32 / curve.n_steps() as f32));
+                    let (found, wanted) =
+                        (robot.grip(config), curve.pose(i as f32 / curve.n_steps() as f32));
                     assert!(found.translation.distance(wanted.translation) < 1e-4);
                     assert!(found.rotation.angle_between(wanted.rotation) < 2e-3);
                 }
@@ -229,9 +256,12 @@ mod tests {
         for robot in ROBOTS {
             let start = robot.grip(&robot.start);
             let goal = Pose3::from_parts(start.translation - 0.3 * Vec3::Z, start.rotation);
-            let curve = BezierCurve::new(&start, start.translation + Vec3::new(1.0, 0.0, -0.3), &goal);
+            let curve =
+                BezierCurve::new(&start, start.translation + Vec3::new(1.0, 0.0, -0.3), &goal);
             let rejection = curve.to_joints(robot, &robot.start).unwrap_err();
-            let Rejection::CurveUnreachable { fraction } = rejection else { panic!("{}: {rejection:?}", robot.name) };
+            let Rejection::CurveUnreachable { fraction } = rejection else {
+                panic!("{}: {rejection:?}", robot.name)
+            };
             assert!(fraction > 0.0 && fraction < 0.5, "{}: {fraction}", robot.name);
         }
     }

@@ -1,15 +1,16 @@
 //! The set of candidate paths that the ranker sees (Algorithm 1, lines 7–10).
 //!
-//! What ranks is what runs: every candidate is the `T` configurations that the arm will follow, joined linearly, and `collides`
-//! is computed on them.
+//! What ranks is what runs: every candidate is the `T` configurations that the arm will follow,
+//! joined linearly, and `collides` is computed on them.
 //!
 //! # Differences from the paper
 //!
-//! - `M` and `B` count admitted paths: a draw that fails is repeated a few times, and every failure is listed with its reason.
-//! - The share of planner paths with collision checking off are straight joint-space motions: what `RRTConnect` finds when
-//!   nothing is in the way.
-//! - When the goal pose has fewer than `M` distinct configurations, the checked planner paths share them with other samples of
-//!   `RRTConnect`; a path that comes out twice is kept once.
+//! - `M` and `B` count admitted paths: a draw that fails is repeated a few times, and every failure
+//!   is listed with its reason.
+//! - The share of planner paths with collision checking off are straight joint-space motions: what
+//!   `RRTConnect` finds when nothing is in the way.
+//! - When the goal pose has fewer than `M` distinct configurations, the checked planner paths share
+//!   them with other samples of `RRTConnect`; a path that comes out twice is kept once.
 //! - A screw motion of the grip can be asked for besides; no preset does.
 
 use super::bezier::{BezierCurve, BezierSettings};
@@ -54,10 +55,11 @@ pub struct CandidateSettings {
     pub planner_paths: usize,
     /// Bézier paths asked for (`B` in the paper).
     pub bezier_paths: usize,
-    /// Share of the planner paths that are planned with collision checking on, 0 to 1 ("a portion" in the paper).
+    /// Share of the planner paths that are planned with collision checking on, 0 to 1 ("a portion"
+    /// in the paper).
     pub planner_collision_free_fraction: f32,
-    /// Screw motions of the grip asked for, 0 or 1: there is one from start to goal. Beyond the paper; settings files that do not
-    /// say mean none.
+    /// Screw motions of the grip asked for, 0 or 1: there is one from start to goal. Beyond the
+    /// paper; settings files that do not say mean none.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub screw_paths: usize,
     /// Draws for every path before it is given up.
@@ -67,7 +69,8 @@ pub struct CandidateSettings {
     /// Which planner; settings files that name none mean `RRTConnect`, the paper's.
     #[serde(default, skip_serializing_if = "PlannerKind::is_default")]
     pub planner: PlannerKind,
-    /// The numbers of `RRTConnect`, and the resolution of all checks; the other planners have their standard numbers.
+    /// The numbers of `RRTConnect`, and the resolution of all checks; the other planners have their
+    /// standard numbers.
     pub rrt: RrtSettings,
     /// The curves.
     pub bezier: BezierSettings,
@@ -87,18 +90,36 @@ impl CandidateSettings {
             (self.path_len >= 2, "path_len: at least 2"),
             (self.screw_paths <= 1, "screw_paths: 0 or 1"),
             (self.draws_per_path >= 1, "draws_per_path: at least 1"),
-            (n_paths.saturating_mul(self.draws_per_path) <= MAX_DRAWS, "paths times draws_per_path: at most 65536"),
-            ((0.0..=1.0).contains(&self.planner_collision_free_fraction), "planner_collision_free_fraction: 0 to 1"),
-            (self.min_goal_distance.is_finite() && self.min_goal_distance >= 0.0, "min_goal_distance: at least 0"),
+            (
+                n_paths.saturating_mul(self.draws_per_path) <= MAX_DRAWS,
+                "paths times draws_per_path: at most 65536",
+            ),
+            (
+                (0.0..=1.0).contains(&self.planner_collision_free_fraction),
+                "planner_collision_free_fraction: 0 to 1",
+            ),
+            (
+                self.min_goal_distance.is_finite() && self.min_goal_distance >= 0.0,
+                "min_goal_distance: at least 0",
+            ),
             (self.rrt.range > 0.0, "rrt.range: above 0"),
-            (self.rrt.checks_per_radian.is_finite() && self.rrt.checks_per_radian > 0.0, "rrt.checks_per_radian: above 0"),
+            (
+                self.rrt.checks_per_radian.is_finite() && self.rrt.checks_per_radian > 0.0,
+                "rrt.checks_per_radian: above 0",
+            ),
             (self.bezier.sigma.is_finite() && self.bezier.sigma >= 0.0, "bezier.sigma: at least 0"),
         ];
-        rules.iter().find(|(holds, _)| !holds).map_or(Ok(()), |(_, rule)| Err(Error::Config((*rule).to_owned())))
+        rules
+            .iter()
+            .find(|(holds, _)| !holds)
+            .map_or(Ok(()), |(_, rule)| Err(Error::Config((*rule).to_owned())))
     }
 }
 
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands a reference to what decides on skipping")]
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "serde hands a reference to what decides on skipping"
+)]
 const fn is_zero(n: &usize) -> bool {
     *n == 0
 }
@@ -118,7 +139,8 @@ pub struct PathQuery<'a> {
     pub policy_path: Option<&'a JointPath>,
 }
 
-/// Which generators a candidate set draws from: one for every stream and draw, so that no draw moves another.
+/// Which generators a candidate set draws from: one for every stream and draw, so that no draw
+/// moves another.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct CandidateStreams {
     /// Seed of the run.
@@ -156,7 +178,8 @@ pub struct RejectedPath {
     pub reason: Rejection,
 }
 
-/// The candidates (`Ξ` in the paper) and what was rejected, both in the order planner, Bézier, screw, policy.
+/// The candidates (`Ξ` in the paper) and what was rejected, both in the order planner, Bézier,
+/// screw, policy.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CandidateSet {
     /// Paths to rank.
@@ -175,7 +198,8 @@ impl CandidateSet {
 
     fn add(&mut self, source: Source, outcomes: Vec<Outcome>) {
         for outcome in outcomes {
-            self.rejected.extend(outcome.failures.into_iter().map(|reason| RejectedPath { source, reason }));
+            self.rejected
+                .extend(outcome.failures.into_iter().map(|reason| RejectedPath { source, reason }));
             let Some((path, collides)) = outcome.path else { continue };
             if self.candidates.iter().any(|other| other.path == path) {
                 self.rejected.push(RejectedPath { source, reason: Rejection::TooFewGoals });
@@ -186,7 +210,8 @@ impl CandidateSet {
     }
 }
 
-/// What the draws for one path gave: the path with its `collides` flag, if any, and the failures before it.
+/// What the draws for one path gave: the path with its `collides` flag, if any, and the failures
+/// before it.
 #[derive(Debug, Clone, PartialEq)]
 struct Outcome {
     path: Option<(JointPath, bool)>,
@@ -199,7 +224,8 @@ impl From<Rejection> for Outcome {
     }
 }
 
-/// The candidate paths for `query`, deterministic for its streams and the same for any number of threads.
+/// The candidate paths for `query`, deterministic for its streams and the same for any number of
+/// threads.
 ///
 /// ```
 /// use lpr_core::glamx::{Pose3, Vec3};
@@ -237,7 +263,11 @@ impl From<Rejection> for Outcome {
 ///
 /// When `path_len` is below 2: [`CandidateSettings::check`] refuses it.
 #[must_use]
-pub fn candidates(query: &PathQuery<'_>, settings: &CandidateSettings, streams: CandidateStreams) -> CandidateSet {
+pub fn candidates(
+    query: &PathQuery<'_>,
+    settings: &CandidateSettings,
+    streams: CandidateStreams,
+) -> CandidateSet {
     let generator = Generator { query, settings, streams, arm: &ArmSpheres::new(query.robot) };
     let goals = goal_configs(query, settings, streams);
     let mut set = CandidateSet { candidates: Vec::new(), rejected: Vec::new() };
@@ -246,19 +276,34 @@ pub fn candidates(query: &PathQuery<'_>, settings: &CandidateSettings, streams: 
     set.add(Source::Screw, generator.screw_paths(&goals));
     if let Some(proposal) = query.policy_path {
         let lengths = set.candidates.iter().map(|candidate| candidate.path.length());
-        let mean = (!set.candidates.is_empty()).then(|| lengths.sum::<f32>() / set.candidates.len() as f32);
-        set.add(Source::Policy, vec![generator.policy_path(proposal, mean).unwrap_or_else(Outcome::from)]);
+        let mean = (!set.candidates.is_empty())
+            .then(|| lengths.sum::<f32>() / set.candidates.len() as f32);
+        set.add(
+            Source::Policy,
+            vec![generator.policy_path(proposal, mean).unwrap_or_else(Outcome::from)],
+        );
     }
     set
 }
 
-/// Distinct goal configurations, as many as planner paths if there are so many; none for a start or goal that is not finite.
-pub(super) fn goal_configs(query: &PathQuery<'_>, settings: &CandidateSettings, streams: CandidateStreams) -> Vec<JointConfig> {
+/// Distinct goal configurations, as many as planner paths if there are so many; none for a start or
+/// goal that is not finite.
+pub(super) fn goal_configs(
+    query: &PathQuery<'_>,
+    settings: &CandidateSettings,
+    streams: CandidateStreams,
+) -> Vec<JointConfig> {
     if !query.start.is_finite() || !query.goal.is_finite() {
         return Vec::new();
     }
     let n = settings.planner_paths.max(1);
-    query.robot.ik_distinct(&query.goal, n, settings.min_goal_distance, &query.start, &mut streams.rng(Stream::Ik, 0))
+    query.robot.ik_distinct(
+        &query.goal,
+        n,
+        settings.min_goal_distance,
+        &query.start,
+        &mut streams.rng(Stream::Ik, 0),
+    )
 }
 
 /// What every generator needs.
@@ -270,14 +315,17 @@ struct Generator<'a> {
 }
 
 impl Generator<'_> {
-    /// Planner paths (`M`): those with checks on go to the free goals from the first, those with checks off to the goals from
-    /// the last, in turns.
+    /// Planner paths (`M`): those with checks on go to the free goals from the first, those with
+    /// checks off to the goals from the last, in turns.
     fn planner_paths(&self, goals: &[JointConfig]) -> Vec<Outcome> {
         let checker = self.checker();
-        let free_goals: Vec<JointConfig> = goals.iter().copied().filter(|goal| checker.is_free(goal)).collect();
+        let free_goals: Vec<JointConfig> =
+            goals.iter().copied().filter(|goal| checker.is_free(goal)).collect();
         let start_is_free = checker.is_free(&self.query.start);
         map_in_order(self.settings.planner_paths, |path_idx| {
-            let n_checked = |n: usize| (n as f64 * f64::from(self.settings.planner_collision_free_fraction)) as usize;
+            let n_checked = |n: usize| {
+                (n as f64 * f64::from(self.settings.planner_collision_free_fraction)) as usize
+            };
             let checked_idx = n_checked(path_idx);
             let is_checked = n_checked(path_idx + 1) > checked_idx;
             match () {
@@ -298,13 +346,27 @@ impl Generator<'_> {
     }
 
     /// A free path to the goal number `goal_idx`, or to the following ones where the planner fails.
-    fn checked_path(&self, free_goals: &[JointConfig], goal_idx: usize, path_idx: usize) -> Outcome {
+    fn checked_path(
+        &self,
+        free_goals: &[JointConfig],
+        goal_idx: usize,
+        path_idx: usize,
+    ) -> Outcome {
         let checker = self.checker();
         self.first_success(|draw| {
             let goal = free_goals[(goal_idx + draw) % free_goals.len()];
-            let rng = &mut self.streams.rng(Stream::Planner, path_idx * self.settings.draws_per_path + draw);
+            let rng = &mut self
+                .streams
+                .rng(Stream::Planner, path_idx * self.settings.draws_per_path + draw);
             let numbers = PlannerSettings::standard(self.settings.rrt.clone());
-            let plan = plan_with(self.settings.planner, &checker, &self.query.start, &[goal], &numbers, rng)?;
+            let plan = plan_with(
+                self.settings.planner,
+                &checker,
+                &self.query.start,
+                &[goal],
+                &numbers,
+                rng,
+            )?;
             Ok(shortcut(&plan.path, &checker).subdivide(self.settings.path_len))
         })
     }
@@ -317,8 +379,11 @@ impl Generator<'_> {
                 return Rejection::Unreachable.into();
             }
             self.first_success(|draw| {
-                let rng = &mut self.streams.rng(Stream::Bezier, path_idx * self.settings.draws_per_path + draw);
-                let curve = BezierCurve::sample(&start_pose, &self.query.goal, &self.settings.bezier, rng);
+                let rng = &mut self
+                    .streams
+                    .rng(Stream::Bezier, path_idx * self.settings.draws_per_path + draw);
+                let curve =
+                    BezierCurve::sample(&start_pose, &self.query.goal, &self.settings.bezier, rng);
                 let path = curve.to_joints(self.query.robot, &self.query.start)?;
                 Ok(path.resample(self.settings.path_len))
             })
@@ -340,10 +405,18 @@ impl Generator<'_> {
         Ok(self.admitted(path.resample(self.settings.path_len), Vec::new()))
     }
 
-    /// The policy's path with its ends moved to the start and the nearest goal configuration; `mean_length` is that of the other
-    /// candidates, if there are any (section IV-B).
-    fn policy_path(&self, proposal: &JointPath, mean_length: Option<f32>) -> Result<Outcome, Rejection> {
-        let goal = self.query.robot.ik_nearest(&self.query.goal, proposal.goal()).ok_or(Rejection::Unreachable)?;
+    /// The policy's path with its ends moved to the start and the nearest goal configuration;
+    /// `mean_length` is that of the other candidates, if there are any (section IV-B).
+    fn policy_path(
+        &self,
+        proposal: &JointPath,
+        mean_length: Option<f32>,
+    ) -> Result<Outcome, Rejection> {
+        let goal = self
+            .query
+            .robot
+            .ik_nearest(&self.query.goal, proposal.goal())
+            .ok_or(Rejection::Unreachable)?;
         let mut path = proposal.resample(self.settings.path_len);
         let last = path.0.len() - 1;
         path.0[0] = self.query.start;

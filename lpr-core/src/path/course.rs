@@ -1,7 +1,9 @@
-//! What planners that optimise share: a path of equally many waypoints between fixed ends, and what it is near to.
+//! What planners that optimise share: a path of equally many waypoints between fixed ends, and what
+//! it is near to.
 //!
-//! Deformation is that of a string: the sum of squared differences between neighbours is `ξᵀ K ξ` plus terms of the ends, and the
-//! inverse of `K` (2 on the diagonal, -1 beside it) is known in closed form.
+//! Deformation is that of a string: the sum of squared differences between neighbours is `ξᵀ K ξ`
+//! plus terms of the ends, and the inverse of `K` (2 on the diagonal, -1 beside it) is known in
+//! closed form.
 
 use super::plan::{Bounds, Plan, sample_within, sampling_bounds};
 use super::{JointPath, Rejection};
@@ -9,7 +11,8 @@ use crate::rng::Rng;
 use crate::robot::{DOF, JointConfig};
 use crate::scene::{MotionChecker, Proximity};
 
-/// Element of the inverse of `K` for `n` waypoints between fixed ends: how far waypoint `i` follows a unit force on `k`.
+/// Element of the inverse of `K` for `n` waypoints between fixed ends: how far waypoint `i` follows
+/// a unit force on `k`.
 ///
 /// Waypoints count from 1; the ends, 0 and `n + 1`, do not move.
 pub(super) fn compliance(n: usize, i: usize, k: usize) -> f32 {
@@ -17,7 +20,12 @@ pub(super) fn compliance(n: usize, i: usize, k: usize) -> f32 {
 }
 
 /// `n` waypoints between `start` and `goal` on straight motions through `via`.
-pub(super) fn straight_course(start: &JointConfig, via: &[JointConfig], goal: &JointConfig, n: usize) -> Vec<JointConfig> {
+pub(super) fn straight_course(
+    start: &JointConfig,
+    via: &[JointConfig],
+    goal: &JointConfig,
+    n: usize,
+) -> Vec<JointConfig> {
     let corners = [&[*start], via, &[*goal]].concat();
     JointPath(corners).resample(n + 2).0
 }
@@ -39,14 +47,24 @@ impl Touch {
     }
 }
 
-/// All that the arm comes nearer to than `reach` (metres), seen at `looks` equal steps of every edge; the ends are not looked at.
-pub(super) fn touches(checker: &MotionChecker<'_>, course: &[JointConfig], looks: usize, reach: f32) -> Vec<Touch> {
+/// All that the arm comes nearer to than `reach` (metres), seen at `looks` equal steps of every
+/// edge; the ends are not looked at.
+pub(super) fn touches(
+    checker: &MotionChecker<'_>,
+    course: &[JointConfig],
+    looks: usize,
+    reach: f32,
+) -> Vec<Touch> {
     let last = (course.len() - 1) * looks;
     let at_step = |step: usize| {
         let (edge, look) = ((step - 1) / looks, (step - 1) % looks + 1);
         let fraction = look as f32 / looks as f32;
         let config = course[edge].lerp(&course[edge + 1], fraction);
-        checker.proximities(&config, reach).into_iter().map(move |proximity| Touch { edge, fraction, proximity })
+        checker.proximities(&config, reach).into_iter().map(move |proximity| Touch {
+            edge,
+            fraction,
+            proximity,
+        })
     };
     (1..last).flat_map(at_step).collect()
 }
@@ -67,8 +85,8 @@ pub(super) struct Optimized {
     pub(super) steps: u32,
 }
 
-/// Optimises beginnings until one is free: the straight motion to every goal in turn, thereafter motions through a random
-/// free configuration.
+/// Optimises beginnings until one is free: the straight motion to every goal in turn, thereafter
+/// motions through a random free configuration.
 pub(super) fn optimize_beginnings(
     checker: &MotionChecker<'_>,
     start: &JointConfig,
@@ -82,7 +100,8 @@ pub(super) fn optimize_beginnings(
     for beginning in 0..beginnings.count as usize {
         let goal = &goals[beginning % goals.len()];
         let via = if beginning < goals.len() { None } else { free_sample(checker, &bounds, rng) };
-        let Optimized { course, steps } = optimize(&straight_course(start, via.as_slice(), goal, beginnings.waypoints), rng);
+        let Optimized { course, steps } =
+            optimize(&straight_course(start, via.as_slice(), goal, beginnings.waypoints), rng);
         iterations += steps;
         if let Some(course) = course {
             return Ok(Plan { path: JointPath(course), iterations });
@@ -120,8 +139,13 @@ mod tests {
         for n in 1..12 {
             for i in 1..=n {
                 for k in 1..=n {
-                    let product = 2.0 * compliance(n, i, k) - compliance(n, i - 1, k) - compliance(n, i + 1, k);
-                    assert!((product - f32::from(u8::from(i == k))).abs() < 1e-5, "{n} {i} {k}: {product}");
+                    let product = 2.0 * compliance(n, i, k)
+                        - compliance(n, i - 1, k)
+                        - compliance(n, i + 1, k);
+                    assert!(
+                        (product - f32::from(u8::from(i == k))).abs() < 1e-5,
+                        "{n} {i} {k}: {product}"
+                    );
                 }
             }
         }
@@ -133,9 +157,14 @@ mod tests {
         const REACH: f32 = 0.05;
         let robot = stick_arm();
         let (arm, ball) = (ArmSpheres::new(&robot), robot.grip(&robot.start).translation);
-        let scene = Scene::from_primitives(vec![Primitive::Sphere { center: ball + Vec3::new(0.0, 0.0, -0.08), radius: 0.05 }]);
+        let scene = Scene::from_primitives(vec![Primitive::Sphere {
+            center: ball + Vec3::new(0.0, 0.0, -0.08),
+            radius: 0.05,
+        }]);
         let checker = MotionChecker::new(&scene, &arm, 32.0);
-        let turned = |turn: f32| JointConfig(core::array::from_fn(|j| if j == 0 { turn } else { robot.start[j] }));
+        let turned = |turn: f32| {
+            JointConfig(core::array::from_fn(|j| if j == 0 { turn } else { robot.start[j] }))
+        };
         let course = straight_course(&turned(-1.0), &[], &turned(1.0), 19);
         let near = touches(&checker, &course, 4, REACH);
         assert!(!near.is_empty());
@@ -144,6 +173,9 @@ mod tests {
             assert!(config[0].abs() < 0.3, "{}", config[0]);
             assert!(checker.proximities(&config, REACH).contains(&touch.proximity));
         }
-        assert!(touches(&checker, &straight_course(&turned(0.5), &[], &turned(1.0), 19), 4, REACH).is_empty());
+        assert!(
+            touches(&checker, &straight_course(&turned(0.5), &[], &turned(1.0), 19), 4, REACH)
+                .is_empty()
+        );
     }
 }

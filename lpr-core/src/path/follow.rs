@@ -5,29 +5,37 @@ use crate::robot::{DOF, JointConfig, Robot};
 use core::f64::consts::PI;
 use glamx::Pose3;
 
-/// Times a step along the curve is halved before it counts as a jump: a singularity passed closely needs short steps.
+/// Times a step along the curve is halved before it counts as a jump: a singularity passed closely
+/// needs short steps.
 const MAX_HALVINGS: u32 = 3;
 
 /// Samples of the last joint that tell a pose out of reach from one that needs another posture.
 const POSTURE_SAMPLES: u32 = 32;
 
-/// The joint path from `start` along `world_from_grip(t)`, `t` from 0 (the grip at `start`) to 1, in `n_steps` equal steps.
+/// The joint path from `start` along `world_from_grip(t)`, `t` from 0 (the grip at `start`) to 1,
+/// in `n_steps` equal steps.
 ///
 /// Steps that the arm cannot take at once are halved.
 ///
 /// # Errors
 ///
-/// [`Rejection::CurveUnreachable`] or [`Rejection::BranchJump`] with the fraction of the curve that was followed.
+/// [`Rejection::CurveUnreachable`] or [`Rejection::BranchJump`] with the fraction of the curve that
+/// was followed.
 pub(super) fn follow(
     robot: &Robot,
     start: &JointConfig,
     n_steps: usize,
     world_from_grip: impl Fn(f32) -> Pose3,
 ) -> Result<JointPath, Rejection> {
-    let mut follower = Follower { robot, world_from_grip, at: *start, configs: Vec::with_capacity(n_steps + 1) };
+    let mut follower =
+        Follower { robot, world_from_grip, at: *start, configs: Vec::with_capacity(n_steps + 1) };
     follower.configs.push(*start);
     for step in 0..n_steps {
-        follower.advance(step as f32 / n_steps as f32, (step + 1) as f32 / n_steps as f32, MAX_HALVINGS)?;
+        follower.advance(
+            step as f32 / n_steps as f32,
+            (step + 1) as f32 / n_steps as f32,
+            MAX_HALVINGS,
+        )?;
     }
     Ok(JointPath(follower.configs))
 }

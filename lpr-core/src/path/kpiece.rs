@@ -1,15 +1,19 @@
-//! KPIECE, bidirectional: two trees that grow where a projection of what they have covered is still sparse.
+//! KPIECE, bidirectional: two trees that grow where a projection of what they have covered is still
+//! sparse.
 //!
-//! "Kinodynamic motion planning by interior-exterior cell exploration" (WAFR 2008), in the geometric form with two trees known
-//! as BKPIECE. Deterministic for a generator.
+//! "Kinodynamic motion planning by interior-exterior cell exploration" (WAFR 2008), in the
+//! geometric form with two trees known as BKPIECE. Deterministic for a generator.
 //!
 //! # Differences from the original
 //!
 //! - Straight edges in joint space instead of controls, and a tree at each end.
-//! - The projection is on the joints next to the base, with one level of cells instead of a hierarchy.
+//! - The projection is on the joints next to the base, with one level of cells instead of a
+//!   hierarchy.
 //! - A cell's coverage is its number of vertices.
-//! - Of an edge that hits something, the first half is kept if that is free: the checks do not tell how far an edge is free.
-//! - The straight motion is tried first, and windings are bounded, as in [`rrt_connect`](super::rrt_connect).
+//! - Of an edge that hits something, the first half is kept if that is free: the checks do not tell
+//!   how far an edge is free.
+//! - The straight motion is tried first, and windings are bounded, as in
+//!   [`rrt_connect`](super::rrt_connect).
 
 use super::plan::{Bounds, Plan, sample_near, sampling_bounds, search_twice};
 use super::tree::Tree;
@@ -46,9 +50,15 @@ pub struct KpieceSettings {
 impl KpieceSettings {
     /// The numbers that the command line and candidate sets use.
     ///
-    /// Shares and scores as in the Open Motion Planning Library's BKPIECE1; range and cell by trial on 210 problems of
-    /// MotionBenchMaker.
-    pub const STANDARD: Self = Self { range: 1.0, cell: 0.75, exterior_share: 0.9, failure_score: 0.5, max_iterations: 100_000 };
+    /// Shares and scores as in the Open Motion Planning Library's BKPIECE1; range and cell by trial
+    /// on 210 problems of MotionBenchMaker.
+    pub const STANDARD: Self = Self {
+        range: 1.0,
+        cell: 0.75,
+        exterior_share: 0.9,
+        failure_score: 0.5,
+        max_iterations: 100_000,
+    };
 }
 
 /// A free path from `start` to any of `goals`.
@@ -84,7 +94,9 @@ pub fn kpiece(
     settings: &KpieceSettings,
     rng: &mut Rng,
 ) -> Result<Plan, Rejection> {
-    search_twice(checker, start, goals, |checker, goals| search(checker, start, goals, settings, rng))
+    search_twice(checker, start, goals, |checker, goals| {
+        search(checker, start, goals, settings, rng)
+    })
 }
 
 fn search(
@@ -101,7 +113,9 @@ fn search(
             return Err(Rejection::Stopped);
         }
         let grown = usize::from(iteration % 2 == 0);
-        let Some(leaf) = sides[grown].grow(checker, &bounds, settings, iteration, rng) else { continue };
+        let Some(leaf) = sides[grown].grow(checker, &bounds, settings, iteration, rng) else {
+            continue;
+        };
         let config = *sides[grown].tree.config(leaf);
         if let Some(met) = sides[1 - grown].meet(&config, checker, settings.cell, rng) {
             let ends = if grown == 0 { [leaf, met] } else { [met, leaf] };
@@ -144,7 +158,8 @@ impl Cell {
     /// How much growing from here promises.
     fn importance(&self) -> f32 {
         let age = libm::logf(1.0 + self.created as f32);
-        age * self.score / (self.n_chosen as f32 * (1 + self.n_neighbours) as f32 * self.vertices.len() as f32)
+        age * self.score
+            / (self.n_chosen as f32 * (1 + self.n_neighbours) as f32 * self.vertices.len() as f32)
     }
 
     const fn is_interior(&self) -> bool {
@@ -154,14 +169,19 @@ impl Cell {
 
 impl Side {
     fn new(checker: &MotionChecker<'_>, roots: &[JointConfig], cell: f32) -> Self {
-        let mut side = Self { tree: Tree::new(checker.arm().level, roots), cells: Vec::new(), index: BTreeMap::new() };
+        let mut side = Self {
+            tree: Tree::new(checker.arm().level, roots),
+            cells: Vec::new(),
+            index: BTreeMap::new(),
+        };
         for (vertex, root) in roots.iter().enumerate() {
             side.enter(coordinates(root, cell), vertex, 1);
         }
         side
     }
 
-    /// An edge from a vertex of the most important cell to somewhere near, or its first half: the new vertex, if it is free.
+    /// An edge from a vertex of the most important cell to somewhere near, or its first half: the
+    /// new vertex, if it is free.
     fn grow(
         &mut self,
         checker: &MotionChecker<'_>,
@@ -186,16 +206,26 @@ impl Side {
     }
 
     /// A vertex in the cell of `config` to which the straight motion is free.
-    fn meet(&self, config: &JointConfig, checker: &MotionChecker<'_>, cell: f32, rng: &mut Rng) -> Option<usize> {
+    fn meet(
+        &self,
+        config: &JointConfig,
+        checker: &MotionChecker<'_>,
+        cell: f32,
+        rng: &mut Rng,
+    ) -> Option<usize> {
         let vertices = &self.cells[*self.index.get(&coordinates(config, cell))?].vertices;
         let vertex = vertices[rng.random_range(0..vertices.len())];
         checker.motion_is_free(config, self.tree.config(vertex)).then_some(vertex)
     }
 
-    /// The most important cell that is exterior, or interior, as asked for; of all, if there is none such.
+    /// The most important cell that is exterior, or interior, as asked for; of all, if there is
+    /// none such.
     fn most_important(&self, exterior: bool) -> usize {
-        let of_kind = (0..self.cells.len()).filter(|&cell| self.cells[cell].is_interior() != exterior);
-        let best = |a: &usize, b: &usize| self.cells[*a].importance().total_cmp(&self.cells[*b].importance());
+        let of_kind =
+            (0..self.cells.len()).filter(|&cell| self.cells[cell].is_interior() != exterior);
+        let best = |a: &usize, b: &usize| {
+            self.cells[*a].importance().total_cmp(&self.cells[*b].importance())
+        };
         of_kind.max_by(best).or_else(|| (0..self.cells.len()).max_by(best)).unwrap_or(0)
     }
 
@@ -204,11 +234,18 @@ impl Side {
             self.cells[cell].vertices.push(vertex);
             return;
         }
-        let neighbours: Vec<usize> = neighbours(at).filter_map(|next| self.index.get(&next).copied()).collect();
+        let neighbours: Vec<usize> =
+            neighbours(at).filter_map(|next| self.index.get(&next).copied()).collect();
         neighbours.iter().for_each(|&cell| self.cells[cell].n_neighbours += 1);
         let n_neighbours = neighbours.len() as u32;
         self.index.insert(at, self.cells.len());
-        self.cells.push(Cell { vertices: vec![vertex], n_neighbours, created: iteration, n_chosen: 1, score: 1.0 });
+        self.cells.push(Cell {
+            vertices: vec![vertex],
+            n_neighbours,
+            created: iteration,
+            n_chosen: 1,
+            score: 1.0,
+        });
     }
 }
 
@@ -228,7 +265,8 @@ fn neighbours(at: Coordinates) -> impl Iterator<Item = Coordinates> {
     })
 }
 
-/// One of the vertices, the later the likelier: half-normal from the last with a third of them as deviation.
+/// One of the vertices, the later the likelier: half-normal from the last with a third of them as
+/// deviation.
 fn recent(vertices: &[usize], rng: &mut Rng) -> usize {
     let from_last = crate::rng::normal(rng).abs() * vertices.len() as f32 / 3.0;
     vertices[vertices.len() - 1 - (from_last as usize).min(vertices.len() - 1)]
@@ -262,7 +300,8 @@ mod tests {
 
     #[test]
     fn what_was_chosen_failed_or_is_crowded_is_less_important() {
-        let cell = || Cell { vertices: vec![0], n_neighbours: 0, created: 3, n_chosen: 1, score: 1.0 };
+        let cell =
+            || Cell { vertices: vec![0], n_neighbours: 0, created: 3, n_chosen: 1, score: 1.0 };
         let fresh = cell().importance();
         let worse = [
             Cell { vertices: vec![0, 1], ..cell() },

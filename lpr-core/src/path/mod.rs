@@ -29,7 +29,10 @@ pub use baseline::{c2farm_path, linear_candidate};
 pub use bezier::{BezierCurve, BezierSettings};
 #[cfg(feature = "sim")]
 pub(crate) use candidates::map_in_order;
-pub use candidates::{CandidatePath, CandidateSet, CandidateSettings, CandidateStreams, PathQuery, RejectedPath, candidates};
+pub use candidates::{
+    CandidatePath, CandidateSet, CandidateSettings, CandidateStreams, PathQuery, RejectedPath,
+    candidates,
+};
 pub use kpiece::{KpieceSettings, kpiece};
 #[cfg(feature = "sim")]
 pub(crate) use linear::linear_path_in;
@@ -119,7 +122,8 @@ impl JointPath {
         path_length(&self.0)
     }
 
-    /// The path at `n_configs` points equally spaced in joint-space arc length; both ends are exact.
+    /// The path at `n_configs` points equally spaced in joint-space arc length; both ends are
+    /// exact.
     ///
     /// ```
     /// use lpr_core::path::JointPath;
@@ -151,14 +155,16 @@ impl JointPath {
                 segment += 1;
                 length = self.0[segment].distance(&self.0[segment + 1]);
             }
-            let fraction = if length > 0.0 { ((target - before) / length).clamp(0.0, 1.0) } else { 0.0 };
+            let fraction =
+                if length > 0.0 { ((target - before) / length).clamp(0.0, 1.0) } else { 0.0 };
             resampled.push(self.0[segment].lerp(&self.0[segment + 1], fraction));
         }
         resampled.push(*self.goal());
         Self(resampled)
     }
 
-    /// The same polyline with `n_configs` configurations: every corner stays, and further points divide the longest pieces.
+    /// The same polyline with `n_configs` configurations: every corner stays, and further points
+    /// divide the longest pieces.
     ///
     /// A path with more corners than that is [resampled](Self::resample), which cuts them.
     ///
@@ -265,7 +271,8 @@ pub enum Rejection {
     TooFewGoals,
     /// The policy's path is longer than the mean of the others (section IV-B).
     LongerThanMean,
-    /// Every goal configuration, or the policy's path, is outside the joint limits; so is a start that is not finite.
+    /// Every goal configuration, or the policy's path, is outside the joint limits; so is a start
+    /// that is not finite.
     OutsideLimits,
 }
 
@@ -296,7 +303,8 @@ mod tests {
     use proptest::prelude::*;
 
     fn path() -> impl Strategy<Value = JointPath> {
-        prop::collection::vec(prop::array::uniform7(-3.0_f32..3.0).prop_map(JointConfig), 2..9).prop_map(JointPath)
+        prop::collection::vec(prop::array::uniform7(-3.0_f32..3.0).prop_map(JointConfig), 2..9)
+            .prop_map(JointPath)
     }
 
     proptest! {

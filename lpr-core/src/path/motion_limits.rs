@@ -3,12 +3,14 @@
 use crate::error::{Error, Result};
 use crate::robot::{DOF, Robot};
 
-/// The range of all limits, in their units of metres, radians and seconds: squares and quotients of them are numbers of f64.
+/// The range of all limits, in their units of metres, radians and seconds: squares and quotients of
+/// them are numbers of f64.
 const RANGE: core::ops::RangeInclusive<f64> = 1e-9..=1e12;
 
 /// Limits of every joint, the same in both directions.
 ///
-/// They have no default: what a real arm accelerates at is its owner's to say, since not every vendor does.
+/// They have no default: what a real arm accelerates at is its owner's to say, since not every
+/// vendor does.
 ///
 /// ```
 /// use lpr_core::path::MotionLimits;
@@ -78,7 +80,9 @@ impl GripSpeedLimit<'_> {
 fn check_positive(name: &str, limits: &[f64]) -> Result<()> {
     match limits.iter().position(|limit| !RANGE.contains(limit)) {
         None => Ok(()),
-        Some(idx) => Err(Error::Config(format!("limits.{name}[{idx}]: 1e-9 to 1e12, got {}", limits[idx]))),
+        Some(idx) => {
+            Err(Error::Config(format!("limits.{name}[{idx}]: 1e-9 to 1e12, got {}", limits[idx])))
+        }
     }
 }
 
@@ -89,7 +93,8 @@ mod tests {
 
     #[test]
     fn a_limit_that_is_no_positive_number_is_named() {
-        let good = MotionLimits { velocity: [1.0; DOF], acceleration: [2.0; DOF], jerk: Some([3.0; DOF]) };
+        let good =
+            MotionLimits { velocity: [1.0; DOF], acceleration: [2.0; DOF], jerk: Some([3.0; DOF]) };
         assert_eq!(good.check(), Ok(()));
         for bad in [0.0, -1.0, 1e-320, f64::NAN, f64::INFINITY] {
             let mut limits = good;

@@ -38,8 +38,9 @@ pub struct Plan {
 
 /// The straight motion to a goal if one is free, else what `search` finds to the goals that are.
 ///
-/// The edges of the path found, which `search` has checked, are looked at once more half-way between those checks. Should one turn
-/// out to hit something there, the search is repeated at [`FINER`] times the resolution.
+/// The edges of the path found, which `search` has checked, are looked at once more half-way
+/// between those checks. Should one turn out to hit something there, the search is repeated at
+/// [`FINER`] times the resolution.
 pub(super) fn search_twice(
     checker: &MotionChecker<'_>,
     start: &JointConfig,
@@ -47,7 +48,9 @@ pub(super) fn search_twice(
     mut search: impl FnMut(&MotionChecker<'_>, &[JointConfig]) -> Result<Plan, Rejection>,
 ) -> Result<Plan, Rejection> {
     let goals = free_goals(checker, start, goals)?;
-    let mut search = |checker: &MotionChecker<'_>| straight(checker, start, &goals).map_or_else(|| search(checker, &goals), Ok);
+    let mut search = |checker: &MotionChecker<'_>| {
+        straight(checker, start, &goals).map_or_else(|| search(checker, &goals), Ok)
+    };
     let plan = search(checker)?;
     if plan.path.configs().windows(2).all(|edge| checker.is_free_between(&edge[0], &edge[1])) {
         return Ok(plan);
@@ -58,12 +61,18 @@ pub(super) fn search_twice(
     finer.map(|finer| Plan { iterations: plan.iterations + finer.iterations, ..finer })
 }
 
-/// The goals within the limits that touch nothing. A start may be beyond its limits: arms stop there, and are to come back.
-fn free_goals(checker: &MotionChecker<'_>, start: &JointConfig, goals: &[JointConfig]) -> Result<Vec<JointConfig>, Rejection> {
+/// The goals within the limits that touch nothing. A start may be beyond its limits: arms stop
+/// there, and are to come back.
+fn free_goals(
+    checker: &MotionChecker<'_>,
+    start: &JointConfig,
+    goals: &[JointConfig],
+) -> Result<Vec<JointConfig>, Rejection> {
     if goals.is_empty() {
         return Err(Rejection::Unreachable);
     }
-    let mut goals: Vec<JointConfig> = goals.iter().copied().filter(|goal| checker.arm().is_within_limits(goal)).collect();
+    let mut goals: Vec<JointConfig> =
+        goals.iter().copied().filter(|goal| checker.arm().is_within_limits(goal)).collect();
     if goals.is_empty() || !start.is_finite() {
         return Err(Rejection::OutsideLimits);
     }
@@ -75,15 +84,25 @@ fn free_goals(checker: &MotionChecker<'_>, start: &JointConfig, goals: &[JointCo
 }
 
 /// The straight motion to the first goal that it reaches.
-fn straight(checker: &MotionChecker<'_>, start: &JointConfig, goals: &[JointConfig]) -> Option<Plan> {
+fn straight(
+    checker: &MotionChecker<'_>,
+    start: &JointConfig,
+    goals: &[JointConfig],
+) -> Option<Plan> {
     let goal = goals.iter().find(|goal| checker.motion_is_free(start, goal))?;
     Some(Plan { path: JointPath(vec![*start, *goal]), iterations: 0 })
 }
 
 /// Range of every joint that is sampled.
-pub(super) fn sampling_bounds(limits: &Bounds, start: &JointConfig, goals: &[JointConfig]) -> Bounds {
+pub(super) fn sampling_bounds(
+    limits: &Bounds,
+    start: &JointConfig,
+    goals: &[JointConfig],
+) -> Bounds {
     core::array::from_fn(|j| {
-        let (low, high) = goals.iter().fold((start[j], start[j]), |(low, high), goal| (goal[j].min(low), goal[j].max(high)));
+        let (low, high) = goals
+            .iter()
+            .fold((start[j], start[j]), |(low, high), goal| (goal[j].min(low), goal[j].max(high)));
         (limits[j].0.max(low - PI), limits[j].1.min(high + PI))
     })
 }
@@ -98,9 +117,17 @@ pub(super) fn clamped(config: &JointConfig, bounds: &Bounds) -> JointConfig {
     JointConfig(core::array::from_fn(|j| config[j].max(bounds[j].0).min(bounds[j].1)))
 }
 
-/// A configuration within `bounds`, or moved there, none of whose joints is further than `distance` (radians) from that of `center`.
-pub(super) fn sample_near(bounds: &Bounds, center: &JointConfig, distance: f32, rng: &mut Rng) -> JointConfig {
+/// A configuration within `bounds`, or moved there, none of whose joints is further than `distance`
+/// (radians) from that of `center`.
+pub(super) fn sample_near(
+    bounds: &Bounds,
+    center: &JointConfig,
+    distance: f32,
+    rng: &mut Rng,
+) -> JointConfig {
     let center = clamped(center, bounds);
-    let near = core::array::from_fn(|j| ((center[j] - distance).max(bounds[j].0), (center[j] + distance).min(bounds[j].1)));
+    let near = core::array::from_fn(|j| {
+        ((center[j] - distance).max(bounds[j].0), (center[j] + distance).min(bounds[j].1))
+    });
     sample_within(&near, rng)
 }

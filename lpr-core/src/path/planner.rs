@@ -2,7 +2,8 @@
 
 use super::plan::Plan;
 use super::{
-    KpieceSettings, Rejection, RrtSettings, SblSettings, StompSettings, TrajoptSettings, kpiece, rrt_connect, sbl, stomp, trajopt,
+    KpieceSettings, Rejection, RrtSettings, SblSettings, StompSettings, TrajoptSettings, kpiece,
+    rrt_connect, sbl, stomp, trajopt,
 };
 use crate::rng::Rng;
 use crate::robot::JointConfig;
@@ -40,7 +41,8 @@ pub enum PlannerKind {
 
 impl PlannerKind {
     /// All of them.
-    pub const ALL: [Self; 5] = [Self::RrtConnect, Self::Sbl, Self::Kpiece, Self::TrajOpt, Self::Stomp];
+    pub const ALL: [Self; 5] =
+        [Self::RrtConnect, Self::Sbl, Self::Kpiece, Self::TrajOpt, Self::Stomp];
 
     /// A fixed word for files, the command line and counting.
     #[must_use]
@@ -55,7 +57,10 @@ impl PlannerKind {
     }
 
     /// Whether it is `RRTConnect`, which settings files need not name.
-    #[expect(clippy::trivially_copy_pass_by_ref, reason = "serde hands a reference to what decides on skipping")]
+    #[expect(
+        clippy::trivially_copy_pass_by_ref,
+        reason = "serde hands a reference to what decides on skipping"
+    )]
     pub(super) fn is_default(&self) -> bool {
         *self == Self::default()
     }
@@ -144,20 +149,40 @@ mod tests {
     use proptest::test_runner::RngSeed;
 
     fn settings() -> PlannerSettings {
-        PlannerSettings::standard(RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 2000 })
+        PlannerSettings::standard(RrtSettings {
+            range: 1.0,
+            checks_per_radian: 32.0,
+            max_iterations: 2000,
+        })
     }
 
     /// A post that the turning arm would hit; it passes by drawing back or rising.
     fn post() -> Scene {
         let grip = stick_arm().grip(&stick_arm().start).translation;
         let top = Vec3::new(grip.x, 0.0, grip.z);
-        Scene::from_primitives(vec![Primitive::Capsule { a: Vec3::new(grip.x, 0.0, 0.0), b: top, radius: 0.02 }])
+        Scene::from_primitives(vec![Primitive::Capsule {
+            a: Vec3::new(grip.x, 0.0, 0.0),
+            b: top,
+            radius: 0.02,
+        }])
     }
 
-    fn plan(kind: PlannerKind, scene: &Scene, ends: [JointConfig; 2], seed: u64) -> Result<Plan, Rejection> {
+    fn plan(
+        kind: PlannerKind,
+        scene: &Scene,
+        ends: [JointConfig; 2],
+        seed: u64,
+    ) -> Result<Plan, Rejection> {
         let arm = ArmSpheres::new(&stick_arm());
         let checker = MotionChecker::new(scene, &arm, 32.0);
-        plan_with(kind, &checker, &ends[0], &ends[1..], &settings(), &mut stream(seed, Stream::Planner, 0))
+        plan_with(
+            kind,
+            &checker,
+            &ends[0],
+            &ends[1..],
+            &settings(),
+            &mut stream(seed, Stream::Planner, 0),
+        )
     }
 
     fn assert_sound(scene: &Scene, path: &JointPath, ends: [JointConfig; 2]) {
@@ -172,7 +197,8 @@ mod tests {
         let (scene, ends) = (post(), [turned(-0.8), turned(0.8)]);
         for kind in PlannerKind::ALL {
             for seed in 0..4 {
-                let plan = plan(kind, &scene, ends, seed).unwrap_or_else(|reason| panic!("{}: {reason:?}", kind.name()));
+                let plan = plan(kind, &scene, ends, seed)
+                    .unwrap_or_else(|reason| panic!("{}: {reason:?}", kind.name()));
                 assert!(plan.iterations > 0, "the post stands in the straight way");
                 assert_sound(&scene, &plan.path, ends);
             }
@@ -184,7 +210,8 @@ mod tests {
         let (scene, ends) = (wall_with_window(), [turned(-0.7), turned(0.7)]);
         for kind in PlannerKind::ALL.into_iter().filter(|kind| *kind != PlannerKind::Stomp) {
             for seed in 0..5 {
-                let plan = plan(kind, &scene, ends, seed).unwrap_or_else(|reason| panic!("{}: {reason:?}", kind.name()));
+                let plan = plan(kind, &scene, ends, seed)
+                    .unwrap_or_else(|reason| panic!("{}: {reason:?}", kind.name()));
                 assert!(plan.iterations > 0, "the wall stands in the straight way");
                 assert_sound(&scene, &plan.path, ends);
             }
@@ -201,7 +228,12 @@ mod tests {
         for kind in [PlannerKind::TrajOpt, PlannerKind::Stomp] {
             let rng = &mut stream(0, Stream::Planner, 0);
             let plan = plan_with(kind, &checker, &turned(-0.7), &[turned(0.7)], &settings, rng);
-            assert_eq!(plan, Err(Rejection::OptimizationFailed), "{}: two steps do not lead out of the wall", kind.name());
+            assert_eq!(
+                plan,
+                Err(Rejection::OptimizationFailed),
+                "{}: two steps do not lead out of the wall",
+                kind.name()
+            );
         }
     }
 
@@ -234,10 +266,19 @@ mod tests {
         settings.stomp.beginnings = 0;
         for kind in PlannerKind::ALL {
             let plan = |start, goals: &[JointConfig]| {
-                plan_with(kind, &checker, &start, goals, &settings, &mut stream(0, Stream::Planner, 0))
+                plan_with(
+                    kind,
+                    &checker,
+                    &start,
+                    goals,
+                    &settings,
+                    &mut stream(0, Stream::Planner, 0),
+                )
             };
             let exhausted = match kind {
-                PlannerKind::RrtConnect | PlannerKind::Sbl | PlannerKind::Kpiece => Rejection::IterationLimit,
+                PlannerKind::RrtConnect | PlannerKind::Sbl | PlannerKind::Kpiece => {
+                    Rejection::IterationLimit
+                }
                 PlannerKind::TrajOpt | PlannerKind::Stomp => Rejection::OptimizationFailed,
             };
             assert_eq!(plan(turned(0.0), &[turned(0.7)]), Err(Rejection::StartCollides));
@@ -255,12 +296,20 @@ mod tests {
             let plan = |start, goals: &[JointConfig]| {
                 let (scene, arm) = (Scene::empty(), ArmSpheres::new(&stick_arm()));
                 let checker = MotionChecker::new(&scene, &arm, 32.0);
-                plan_with(kind, &checker, &start, goals, &settings(), &mut stream(0, Stream::Planner, 0))
+                plan_with(
+                    kind,
+                    &checker,
+                    &start,
+                    goals,
+                    &settings(),
+                    &mut stream(0, Stream::Planner, 0),
+                )
             };
             assert_eq!(plan(turned(-0.7), &[far]), Err(Rejection::OutsideLimits));
             assert_eq!(plan(turned(-0.7), &[broken]), Err(Rejection::OutsideLimits));
             assert_eq!(plan(broken, &[turned(-0.7)]), Err(Rejection::OutsideLimits));
-            let found = plan(turned(-0.7), &[far, broken, turned(-1.2)]).expect("the last goal is one");
+            let found =
+                plan(turned(-0.7), &[far, broken, turned(-1.2)]).expect("the last goal is one");
             assert_eq!(*found.path.goal(), turned(-1.2));
         }
     }
@@ -272,7 +321,8 @@ mod tests {
         beyond[5] = robot.joints[5].upper + 0.02;
         assert!(!robot.within_limits(&beyond));
         for kind in PlannerKind::ALL {
-            let found = plan(kind, &wall_with_window(), [beyond, turned(-1.2)], 0).expect("nothing is in the way");
+            let found = plan(kind, &wall_with_window(), [beyond, turned(-1.2)], 0)
+                .expect("nothing is in the way");
             assert_eq!((*found.path.start(), *found.path.goal()), (beyond, turned(-1.2)));
         }
     }
@@ -280,7 +330,8 @@ mod tests {
     #[test]
     fn the_world_may_be_empty() {
         for kind in PlannerKind::ALL {
-            let found = plan(kind, &Scene::empty(), [turned(-0.7), turned(0.7)], 0).expect("nothing is in the way");
+            let found = plan(kind, &Scene::empty(), [turned(-0.7), turned(0.7)], 0)
+                .expect("nothing is in the way");
             assert_eq!(found.iterations, 0);
         }
     }
@@ -295,10 +346,29 @@ mod tests {
                 questions.get() > 3
             };
             let checker = MotionChecker::new(&scene, &arm, 32.0).stopped_by(&stop);
-            let plan = plan_with(kind, &checker, &turned(-0.7), &[turned(0.7)], &settings(), &mut stream(0, Stream::Planner, 0));
-            assert!(matches!(plan, Err(Rejection::Stopped)) || plan.is_ok_and(|plan| plan.iterations <= 4), "{}", kind.name());
+            let plan = plan_with(
+                kind,
+                &checker,
+                &turned(-0.7),
+                &[turned(0.7)],
+                &settings(),
+                &mut stream(0, Stream::Planner, 0),
+            );
+            assert!(
+                matches!(plan, Err(Rejection::Stopped))
+                    || plan.is_ok_and(|plan| plan.iterations <= 4),
+                "{}",
+                kind.name()
+            );
             let never = MotionChecker::new(&scene, &arm, 32.0).stopped_by(&|| true);
-            let plan = plan_with(kind, &never, &turned(-0.7), &[turned(0.7)], &settings(), &mut stream(0, Stream::Planner, 0));
+            let plan = plan_with(
+                kind,
+                &never,
+                &turned(-0.7),
+                &[turned(0.7)],
+                &settings(),
+                &mut stream(0, Stream::Planner, 0),
+            );
             assert_eq!(plan, Err(Rejection::Stopped), "{}", kind.name());
         }
     }
@@ -306,13 +376,25 @@ mod tests {
     #[test]
     fn names_are_those_of_settings_files() {
         for kind in PlannerKind::ALL {
-            assert_eq!(toml::Value::try_from(kind), Ok(toml::Value::String(kind.name().to_owned())));
+            assert_eq!(
+                toml::Value::try_from(kind),
+                Ok(toml::Value::String(kind.name().to_owned()))
+            );
         }
     }
 
     /// Numbers that no settings file should have.
     fn odd_number() -> impl Strategy<Value = f32> {
-        prop::sample::select(vec![0.0, -1.0, 1e-30, 0.5, 1e30, f32::INFINITY, f32::NEG_INFINITY, f32::NAN])
+        prop::sample::select(vec![
+            0.0,
+            -1.0,
+            1e-30,
+            0.5,
+            1e30,
+            f32::INFINITY,
+            f32::NEG_INFINITY,
+            f32::NAN,
+        ])
     }
 
     /// Settings of small searches, in which any number may be odd.
@@ -320,8 +402,19 @@ mod tests {
         let budgets = prop::array::uniform6(0..4_usize);
         (prop::array::uniform20(odd_number()), budgets).prop_map(|(x, n)| PlannerSettings {
             rrt: RrtSettings { range: x[0], checks_per_radian: 32.0, max_iterations: 20 },
-            sbl: SblSettings { range: x[1], neighbourhoods: n[0] as u32, milestones_per_grid: n[1] as u32, max_iterations: 20 },
-            kpiece: KpieceSettings { range: x[2], cell: x[3], exterior_share: x[4], failure_score: x[5], max_iterations: 20 },
+            sbl: SblSettings {
+                range: x[1],
+                neighbourhoods: n[0] as u32,
+                milestones_per_grid: n[1] as u32,
+                max_iterations: 20,
+            },
+            kpiece: KpieceSettings {
+                range: x[2],
+                cell: x[3],
+                exterior_share: x[4],
+                failure_score: x[5],
+                max_iterations: 20,
+            },
             trajopt: TrajoptSettings {
                 waypoints: n[2],
                 looks: n[3],

@@ -1,17 +1,21 @@
-//! Motions from one state to rest in another without a path between them: `rsruckig`, after Berscheid and Kröger, "Jerk-limited
-//! Real-time Trajectory Generation with Arbitrary Target States" (2021).
+//! Motions from one state to rest in another without a path between them: `rsruckig`, after
+//! Berscheid and Kröger, "Jerk-limited Real-time Trajectory Generation with Arbitrary Target
+//! States" (2021).
 //!
-//! Cube roots, cosines and arc cosines of the solver are those of the platform wherever another crate asks `num-traits` for
-//! `std`; natively and in wasm the last bits may differ.
+//! Cube roots, cosines and arc cosines of the solver are those of the platform wherever another
+//! crate asks `num-traits` for `std`; natively and in wasm the last bits may differ.
 
 use super::trajectory::{Motion, Trajectory};
 use super::{JointState, MotionLimits};
 use crate::error::Error;
 use crate::robot::{DOF, JointConfig};
-use rsruckig::prelude::{DataArrayOrVec, InputParameter, RuckigError, RuckigResult, ThrowErrorHandler};
+use rsruckig::prelude::{
+    DataArrayOrVec, InputParameter, RuckigError, RuckigResult, ThrowErrorHandler,
+};
 use thiserror::Error as ThisError;
 
-/// Longest motion that the solver says it computes exactly, seconds; it checks this with several joints only.
+/// Longest motion that the solver says it computes exactly, seconds; it checks this with several
+/// joints only.
 const MAX_DURATION: f64 = 7.6e3;
 
 /// Why there is no motion from point to point.
@@ -63,10 +67,11 @@ pub(super) enum Ruckig {
 
 type Profiles<const N: usize> = rsruckig::prelude::Trajectory<N>;
 
-/// The fastest motion from `start` to rest at `goal` within `limits`, whose joints all arrive at one time.
+/// The fastest motion from `start` to rest at `goal` within `limits`, whose joints all arrive at
+/// one time.
 ///
-/// From rest it is the straight line in joint space; from a moving state it is in general not. A start that is faster than its
-/// limits brakes first. Without a jerk limit accelerations jump.
+/// From rest it is the straight line in joint space; from a moving state it is in general not. A
+/// start that is faster than its limits brakes first. Without a jerk limit accelerations jump.
 ///
 /// ```
 /// use lpr_core::path::{JointState, MotionLimits, NoMotion, point_to_point};
@@ -84,8 +89,13 @@ type Profiles<const N: usize> = rsruckig::prelude::Trajectory<N>;
 ///
 /// # Errors
 ///
-/// [`NoMotion::Input`] for a state or limit that makes no sense; the others when the solver gives up.
-pub fn point_to_point(start: &JointState, goal: &JointConfig, limits: &MotionLimits) -> Result<Trajectory, NoMotion> {
+/// [`NoMotion::Input`] for a state or limit that makes no sense; the others when the solver gives
+/// up.
+pub fn point_to_point(
+    start: &JointState,
+    goal: &JointConfig,
+    limits: &MotionLimits,
+) -> Result<Trajectory, NoMotion> {
     limits.check()?;
     check_finite(start, goal)?;
     let angles = goal.0.map(f64::from);
@@ -97,8 +107,13 @@ pub fn point_to_point(start: &JointState, goal: &JointConfig, limits: &MotionLim
     Ok(Trajectory::new(*start, angles, duration, motion)?)
 }
 
-/// The straight line: the solver moves the joint with the longest way, and the others keep their share of it.
-fn line(start: [f64; DOF], goal: [f64; DOF], limits: &MotionLimits) -> Result<(f64, Motion), NoMotion> {
+/// The straight line: the solver moves the joint with the longest way, and the others keep their
+/// share of it.
+fn line(
+    start: [f64; DOF],
+    goal: [f64; DOF],
+    limits: &MotionLimits,
+) -> Result<(f64, Motion), NoMotion> {
     let ways: [f64; DOF] = core::array::from_fn(|j| goal[j] - start[j]);
     let length = ways.iter().fold(0.0_f64, |longest, way| longest.max(way.abs()));
     if length == 0.0 {
@@ -106,19 +121,31 @@ fn line(start: [f64; DOF], goal: [f64; DOF], limits: &MotionLimits) -> Result<(f
     }
     let direction = ways.map(|way| way / length);
     let tightest = |limits: &[f64; DOF]| {
-        [limits.iter().zip(direction).map(|(limit, share)| limit / share.abs()).fold(f64::INFINITY, f64::min)]
+        [limits
+            .iter()
+            .zip(direction)
+            .map(|(limit, share)| limit / share.abs())
+            .fold(f64::INFINITY, f64::min)]
     };
     let mut input = InputParameter::new(None);
     input.target_position = DataArrayOrVec::Stack([length]);
     input.max_velocity = DataArrayOrVec::Stack(tightest(&limits.velocity));
     input.max_acceleration = DataArrayOrVec::Stack(tightest(&limits.acceleration));
-    input.max_jerk = DataArrayOrVec::Stack(limits.jerk.map_or([f64::INFINITY], |jerk| tightest(&jerk)));
+    input.max_jerk =
+        DataArrayOrVec::Stack(limits.jerk.map_or([f64::INFINITY], |jerk| tightest(&jerk)));
     let profile = solve(&input)?;
-    Ok((profile.get_duration(), Motion::PointToPoint(Box::new(Ruckig::Line { start, direction, profile }))))
+    Ok((
+        profile.get_duration(),
+        Motion::PointToPoint(Box::new(Ruckig::Line { start, direction, profile })),
+    ))
 }
 
 /// Every joint for itself, slowed to arrive with the last.
-fn joints(start: &JointState, goal: [f64; DOF], limits: &MotionLimits) -> Result<(f64, Motion), NoMotion> {
+fn joints(
+    start: &JointState,
+    goal: [f64; DOF],
+    limits: &MotionLimits,
+) -> Result<(f64, Motion), NoMotion> {
     let mut input = InputParameter::new(None);
     input.current_position = DataArrayOrVec::Stack(start.angles);
     input.current_velocity = DataArrayOrVec::Stack(start.velocities);
@@ -135,7 +162,11 @@ fn solve<const N: usize>(input: &InputParameter<N>) -> Result<Profiles<N>, NoMot
     let mut profiles = Profiles::new(None);
     let mut solver = rsruckig::prelude::Ruckig::<N, ThrowErrorHandler>::new(None, 1.0);
     match solver.calculate(input, &mut profiles) {
-        Ok(RuckigResult::Working | RuckigResult::Finished) if profiles.get_duration() <= MAX_DURATION => Ok(profiles),
+        Ok(RuckigResult::Working | RuckigResult::Finished)
+            if profiles.get_duration() <= MAX_DURATION =>
+        {
+            Ok(profiles)
+        }
         Ok(RuckigResult::Working | RuckigResult::Finished) => Err(NoMotion::TooLong),
         Ok(result) => Err(no_motion(&result)),
         Err(RuckigError::ValidationError(message)) => Err(Error::Config(message).into()),
@@ -166,17 +197,32 @@ impl Ruckig {
 /// Positions, velocities and accelerations at a time.
 fn state<const N: usize>(profiles: &Profiles<N>, t_secs: f64) -> [[f64; N]; 3] {
     let [mut at, mut speed, mut rate] = [(); 3].map(|()| DataArrayOrVec::Stack([0.0; N]));
-    profiles.at_time(t_secs, &mut Some(&mut at), &mut Some(&mut speed), &mut Some(&mut rate), &mut None, &mut None);
+    profiles.at_time(
+        t_secs,
+        &mut Some(&mut at),
+        &mut Some(&mut speed),
+        &mut Some(&mut rate),
+        &mut None,
+        &mut None,
+    );
     [at, speed, rate].map(|values| core::array::from_fn(|j| values[j]))
 }
 
 fn check_finite(start: &JointState, goal: &JointConfig) -> Result<(), Error> {
     let expected = || "finite angles, velocities and accelerations".to_owned();
     if !start.is_finite() {
-        return Err(Error::Shape { what: "start", expected: expected(), found: format!("{start:?}") });
+        return Err(Error::Shape {
+            what: "start",
+            expected: expected(),
+            found: format!("{start:?}"),
+        });
     }
     if !goal.is_finite() {
-        return Err(Error::Shape { what: "goal", expected: expected(), found: format!("{:?}", goal.0) });
+        return Err(Error::Shape {
+            what: "goal",
+            expected: expected(),
+            found: format!("{:?}", goal.0),
+        });
     }
     Ok(())
 }
@@ -200,18 +246,21 @@ mod tests {
 
     fn limits() -> impl Strategy<Value = MotionLimits> {
         let limit = |low: f64, high: f64| prop::array::uniform7(low..high);
-        (limit(0.3, 3.0), limit(0.5, 20.0), limit(5.0, 5000.0)).prop_map(|(velocity, acceleration, jerk)| MotionLimits {
-            velocity,
-            acceleration,
-            jerk: Some(jerk),
-        })
+        (limit(0.3, 3.0), limit(0.5, 20.0), limit(5.0, 5000.0)).prop_map(
+            |(velocity, acceleration, jerk)| MotionLimits {
+                velocity,
+                acceleration,
+                jerk: Some(jerk),
+            },
+        )
     }
 
-    /// Shares of what a state may have without leaving its limits later on: speeds that go on growing while the acceleration
-    /// falls.
+    /// Shares of what a state may have without leaving its limits later on: speeds that go on
+    /// growing while the acceleration falls.
     fn moving(config: &JointConfig, limits: &MotionLimits, shares: &[[f64; DOF]; 2]) -> JointState {
         let jerk = limits.jerk.unwrap();
-        let most = |j: usize| limits.acceleration[j].min(libm::sqrt(0.8 * jerk[j] * limits.velocity[j]));
+        let most =
+            |j: usize| limits.acceleration[j].min(libm::sqrt(0.8 * jerk[j] * limits.velocity[j]));
         JointState {
             velocities: core::array::from_fn(|j| 0.5 * shares[0][j] * limits.velocity[j]),
             accelerations: core::array::from_fn(|j| shares[1][j] * most(j)),
@@ -284,12 +333,17 @@ mod tests {
         }
     }
 
-    const LIMITS: MotionLimits = MotionLimits { velocity: [2.0; DOF], acceleration: [10.0; DOF], jerk: Some([100.0; DOF]) };
+    const LIMITS: MotionLimits =
+        MotionLimits { velocity: [2.0; DOF], acceleration: [10.0; DOF], jerk: Some([100.0; DOF]) };
 
     #[test]
     fn a_long_way_takes_the_time_of_seven_phases() {
         let at = |x| JointConfig([x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
-        let duration = |limits| point_to_point(&JointState::at_rest(&at(0.0)), &at(4.0), limits).unwrap().duration_secs();
+        let duration = |limits| {
+            point_to_point(&JointState::at_rest(&at(0.0)), &at(4.0), limits)
+                .unwrap()
+                .duration_secs()
+        };
         // Way over speed, speed over acceleration, acceleration over jerk.
         assert!((duration(&LIMITS) - (2.0 + 0.2 + 0.1)).abs() < 1e-9);
         assert!((duration(&MotionLimits { jerk: None, ..LIMITS }) - (2.0 + 0.2)).abs() < 1e-9);
@@ -307,12 +361,24 @@ mod tests {
     fn broken_input_is_told_from_motions_that_are_too_long() {
         let rest = JointState::at_rest(&JointConfig([0.3; DOF]));
         let goal = JointConfig([0.1; DOF]);
-        let is_input = |found: Result<Trajectory, NoMotion>| matches!(found, Err(NoMotion::Input(_)));
+        let is_input =
+            |found: Result<Trajectory, NoMotion>| matches!(found, Err(NoMotion::Input(_)));
         for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            assert!(is_input(point_to_point(&rest, &goal, &MotionLimits { velocity: [bad; DOF], ..LIMITS })));
+            assert!(is_input(point_to_point(
+                &rest,
+                &goal,
+                &MotionLimits { velocity: [bad; DOF], ..LIMITS }
+            )));
         }
         assert!(is_input(point_to_point(&rest, &JointConfig([f32::NAN; DOF]), &LIMITS)));
-        assert!(is_input(point_to_point(&JointState { velocities: [f64::INFINITY; DOF], ..rest }, &goal, &LIMITS)));
-        assert_eq!(point_to_point(&rest, &JointConfig([1e6; DOF]), &LIMITS).unwrap_err(), NoMotion::TooLong);
+        assert!(is_input(point_to_point(
+            &JointState { velocities: [f64::INFINITY; DOF], ..rest },
+            &goal,
+            &LIMITS
+        )));
+        assert_eq!(
+            point_to_point(&rest, &JointConfig([1e6; DOF]), &LIMITS).unwrap_err(),
+            NoMotion::TooLong
+        );
     }
 }

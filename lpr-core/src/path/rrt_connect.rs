@@ -1,13 +1,13 @@
 //! `RRTConnect`: two trees in joint space that grow towards each other.
 //!
-//! "RRT-Connect: An efficient approach to single-query path planning" (ICRA 2000), with the balanced choice of the tree to grow.
-//! Deterministic for a generator.
+//! "RRT-Connect: An efficient approach to single-query path planning" (ICRA 2000), with the
+//! balanced choice of the tree to grow. Deterministic for a generator.
 //!
 //! # Differences from the original
 //!
 //! - The straight motion is tried before any sampling.
-//! - A joint that turns further than once is sampled within half a turn of the start and the goals: a shortest path winds no
-//!   further.
+//! - A joint that turns further than once is sampled within half a turn of the start and the goals:
+//!   a shortest path winds no further.
 
 use super::plan::{Plan, sample_within, sampling_bounds, search_twice};
 use super::tree::Tree;
@@ -17,15 +17,17 @@ use crate::robot::JointConfig;
 use crate::scene::MotionChecker;
 use serde::{Deserialize, Serialize};
 
-/// Distance up to which a vertex is extended after its first failure, radians; it shrinks with further failures and grows with
-/// successes by [`ADAPTATION`]. "Dynamic-domain RRTs" (IROS 2005), "Adaptive tuning of the sampling domain" (ICRA 2005).
+/// Distance up to which a vertex is extended after its first failure, radians; it shrinks with
+/// further failures and grows with successes by [`ADAPTATION`]. "Dynamic-domain RRTs" (IROS 2005),
+/// "Adaptive tuning of the sampling domain" (ICRA 2005).
 const DOMAIN: f32 = 4.0;
 /// Least such distance, radians.
 const LEAST_DOMAIN: f32 = 1.0;
 /// Relative change of such a distance.
 const ADAPTATION: f32 = 1e-4;
 
-/// Least edge that is asked for, radians: a thousand edges to a radian are slow, a million are none.
+/// Least edge that is asked for, radians: a thousand edges to a radian are slow, a million are
+/// none.
 const LEAST_RANGE: f32 = 1e-3;
 
 /// Numbers of [`rrt_connect`].
@@ -42,8 +44,9 @@ pub struct RrtSettings {
 
 /// A free path from `start` to any of `goals`.
 ///
-/// The path found is looked at once more, half-way between the checks of the search. Should it turn out to hit something there, the
-/// search is repeated at [`FINER`](super::FINER) times the checker's resolution.
+/// The path found is looked at once more, half-way between the checks of the search. Should it turn
+/// out to hit something there, the search is repeated at [`FINER`](super::FINER) times the
+/// checker's resolution.
 ///
 /// ```
 /// use lpr_core::glamx::Vec3;
@@ -80,7 +83,9 @@ pub fn rrt_connect(
     settings: &RrtSettings,
     rng: &mut Rng,
 ) -> Result<Plan, Rejection> {
-    search_twice(checker, start, goals, |checker, goals| search(checker, start, goals, settings, rng))
+    search_twice(checker, start, goals, |checker, goals| {
+        search(checker, start, goals, settings, rng)
+    })
 }
 
 fn search(
@@ -92,7 +97,8 @@ fn search(
 ) -> Result<Plan, Rejection> {
     let bounds = sampling_bounds(checker.arm().limits(), start, goals);
     let range = settings.range.max(LEAST_RANGE);
-    let (mut grown, mut other) = (Side::new(Root::Start, checker, &[*start]), Side::new(Root::Goal, checker, goals));
+    let (mut grown, mut other) =
+        (Side::new(Root::Start, checker, &[*start]), Side::new(Root::Goal, checker, goals));
     for iteration in 1..=settings.max_iterations {
         if checker.is_stopped() {
             return Err(Rejection::Stopped);
@@ -110,7 +116,8 @@ fn search(
     Err(Rejection::IterationLimit)
 }
 
-/// The path from the start to a goal through a leaf of one tree and the vertex of the other where they met.
+/// The path from the start to a goal through a leaf of one tree and the vertex of the other where
+/// they met.
 fn join(grown: &Side, leaf: usize, other: &Side, meeting: usize) -> JointPath {
     // The meeting vertex is the leaf itself.
     let mut configs = grown.tree.to_root(leaf);
@@ -139,12 +146,21 @@ struct Side {
 
 impl Side {
     fn new(root: Root, checker: &MotionChecker<'_>, roots: &[JointConfig]) -> Self {
-        Self { root, tree: Tree::new(checker.arm().level, roots), domains: vec![f32::INFINITY; roots.len()] }
+        Self {
+            root,
+            tree: Tree::new(checker.arm().level, roots),
+            domains: vec![f32::INFINITY; roots.len()],
+        }
     }
 
-    /// One edge of at most `range` towards `target`, if that lies in the domain of the nearest vertex and the edge is free: the
-    /// new vertex.
-    fn extend(&mut self, target: &JointConfig, checker: &MotionChecker<'_>, range: f32) -> Option<usize> {
+    /// One edge of at most `range` towards `target`, if that lies in the domain of the nearest
+    /// vertex and the edge is free: the new vertex.
+    fn extend(
+        &mut self,
+        target: &JointConfig,
+        checker: &MotionChecker<'_>,
+        range: f32,
+    ) -> Option<usize> {
         let (from, distance) = self.tree.nearest(target);
         if distance > self.domains[from] {
             return None;
@@ -164,12 +180,21 @@ impl Side {
     }
 
     /// Edges of at most `range` up to `target` itself, as long as they are free: the vertex there.
-    fn connect(&mut self, target: &JointConfig, checker: &MotionChecker<'_>, range: f32) -> Option<usize> {
+    fn connect(
+        &mut self,
+        target: &JointConfig,
+        checker: &MotionChecker<'_>,
+        range: f32,
+    ) -> Option<usize> {
         let (mut at, distance) = self.tree.nearest(target);
         let start = *self.tree.config(at);
         let n_edges = libm::ceilf(distance / range).max(1.0) as u32;
         for edge in 1..=n_edges {
-            let end = if edge == n_edges { *target } else { start.lerp(target, edge as f32 / n_edges as f32) };
+            let end = if edge == n_edges {
+                *target
+            } else {
+                start.lerp(target, edge as f32 / n_edges as f32)
+            };
             if !checker.motion_is_free(self.tree.config(at), &end) {
                 return None;
             }
@@ -193,7 +218,8 @@ mod tests {
     use crate::scene::ArmSpheres;
     use crate::scene::stick_arm::stick_arm;
 
-    const SETTINGS: RrtSettings = RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 2000 };
+    const SETTINGS: RrtSettings =
+        RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 2000 };
 
     #[test]
     fn paths_through_a_narrow_window_are_free_within_limits_and_no_longer_after_shortcuts() {
@@ -202,7 +228,14 @@ mod tests {
         let (start, goal) = (turned(-0.7), turned(0.7));
         for seed in 0..5 {
             let checker = MotionChecker::new(&scene, &arm, SETTINGS.checks_per_radian);
-            let plan = rrt_connect(&checker, &start, &[goal], &SETTINGS, &mut stream(seed, Stream::Planner, 0)).unwrap();
+            let plan = rrt_connect(
+                &checker,
+                &start,
+                &[goal],
+                &SETTINGS,
+                &mut stream(seed, Stream::Planner, 0),
+            )
+            .unwrap();
             assert!(plan.iterations > 0, "the wall stands in the straight way");
             let short = shortcut(&plan.path, &checker);
             for path in [&plan.path, &short] {
@@ -210,7 +243,12 @@ mod tests {
                 assert!(path.configs().iter().all(|config| robot.within_limits(config)));
                 assert!(is_free_densely(&robot, &scene, path));
             }
-            assert!(plan.path.configs().windows(2).all(|pair| pair[0].distance(&pair[1]) < SETTINGS.range + 1e-4));
+            assert!(
+                plan.path
+                    .configs()
+                    .windows(2)
+                    .all(|pair| pair[0].distance(&pair[1]) < SETTINGS.range + 1e-4)
+            );
             assert!(short.length() <= plan.path.length() + 1e-5);
         }
     }

@@ -1,14 +1,15 @@
 //! SBL: two trees of free configurations whose edges are looked at only when they lie on a path.
 //!
-//! "A single-query bi-directional probabilistic roadmap planner with lazy collision checking" (ISRR 2001). Deterministic for a
-//! generator.
+//! "A single-query bi-directional probabilistic roadmap planner with lazy collision checking" (ISRR
+//! 2001). Deterministic for a generator.
 //!
 //! # Differences from the original
 //!
-//! - The edges of a path are looked at whole, the longest first, instead of all of them in turns at ever finer steps: the checks
-//!   of a motion are spread over it already.
+//! - The edges of a path are looked at whole, the longest first, instead of all of them in turns at
+//!   ever finer steps: the checks of a motion are spread over it already.
 //! - A new milestone tries the nearest in its own cell and the cells beside it, and a random one.
-//! - The straight motion is tried first, and windings are bounded, as in [`rrt_connect`](super::rrt_connect).
+//! - The straight motion is tried first, and windings are bounded, as in
+//!   [`rrt_connect`](super::rrt_connect).
 
 mod roadmap;
 
@@ -27,7 +28,8 @@ use serde::{Deserialize, Serialize};
 pub struct SblSettings {
     /// Furthest that a joint turns in one edge (`ρ` in the paper), radians.
     pub range: f32,
-    /// Smaller and smaller neighbourhoods of a milestone in which a free configuration is looked for.
+    /// Smaller and smaller neighbourhoods of a milestone in which a free configuration is looked
+    /// for.
     pub neighbourhoods: u32,
     /// Milestones after which the cells are laid over another pair of joints.
     pub milestones_per_grid: u32,
@@ -36,8 +38,10 @@ pub struct SblSettings {
 }
 
 impl SblSettings {
-    /// The numbers that the command line and candidate sets use: by trial on 210 problems of MotionBenchMaker.
-    pub const STANDARD: Self = Self { range: 1.0, neighbourhoods: 8, milestones_per_grid: 100, max_iterations: 100_000 };
+    /// The numbers that the command line and candidate sets use: by trial on 210 problems of
+    /// MotionBenchMaker.
+    pub const STANDARD: Self =
+        Self { range: 1.0, neighbourhoods: 8, milestones_per_grid: 100, max_iterations: 100_000 };
 }
 
 /// A free path from `start` to any of `goals`.
@@ -73,7 +77,9 @@ pub fn sbl(
     settings: &SblSettings,
     rng: &mut Rng,
 ) -> Result<Plan, Rejection> {
-    search_twice(checker, start, goals, |checker, goals| search(checker, start, goals, settings, rng))
+    search_twice(checker, start, goals, |checker, goals| {
+        search(checker, start, goals, settings, rng)
+    })
 }
 
 fn search(
@@ -91,7 +97,10 @@ fn search(
             return Err(Rejection::Stopped);
         }
         let root = if rng.random::<bool>() { Root::Start } else { Root::Goal };
-        let Some(milestone) = add_milestone(&mut roadmap, root, checker, &bounds, settings, rng) else { continue };
+        let Some(milestone) = add_milestone(&mut roadmap, root, checker, &bounds, settings, rng)
+        else {
+            continue;
+        };
         n_milestones += 1;
         if u32::is_multiple_of(n_milestones, settings.milestones_per_grid) {
             roadmap.lay_cells(joint_pair(rng));
@@ -109,7 +118,8 @@ fn joint_pair(rng: &mut Rng) -> [usize; 2] {
     [first, (first + rng.random_range(1..DOF)) % DOF]
 }
 
-/// A free configuration near a milestone where the tree is sparse, as its child; the edge is not looked at.
+/// A free configuration near a milestone where the tree is sparse, as its child; the edge is not
+/// looked at.
 fn add_milestone(
     roadmap: &mut Roadmap,
     root: Root,
@@ -126,25 +136,39 @@ fn add_milestone(
     Some(roadmap.push(config, parent))
 }
 
-/// Joins a milestone with milestones of the other tree: the path through the joint, if all of its edges turn out to be free.
-fn connect(roadmap: &mut Roadmap, milestone: usize, checker: &MotionChecker<'_>, range: f32, rng: &mut Rng) -> Option<JointPath> {
+/// Joins a milestone with milestones of the other tree: the path through the joint, if all of its
+/// edges turn out to be free.
+fn connect(
+    roadmap: &mut Roadmap,
+    milestone: usize,
+    checker: &MotionChecker<'_>,
+    range: f32,
+    rng: &mut Rng,
+) -> Option<JointPath> {
     let nearest = roadmap.nearest_opposite(milestone);
     let random = roadmap.sparse(roadmap.root(milestone).other(), rng);
     [nearest, Some(random)].into_iter().flatten().find_map(|opposite| {
         // What failed before may have moved the milestone to the other tree.
         let is_apart = roadmap.root(milestone) != roadmap.root(opposite);
-        let is_near = roadmap.config(milestone).max_joint_distance(roadmap.config(opposite)) <= range;
+        let is_near =
+            roadmap.config(milestone).max_joint_distance(roadmap.config(opposite)) <= range;
         if is_apart && is_near { test_path(roadmap, milestone, opposite, checker) } else { None }
     })
 }
 
-/// Looks at the edges of the path through the bridge between milestones of the two trees. An edge that is not free leaves the
-/// roadmap: what hung on it goes over the bridge to the other tree.
-fn test_path(roadmap: &mut Roadmap, a: usize, b: usize, checker: &MotionChecker<'_>) -> Option<JointPath> {
+/// Looks at the edges of the path through the bridge between milestones of the two trees. An edge
+/// that is not free leaves the roadmap: what hung on it goes over the bridge to the other tree.
+fn test_path(
+    roadmap: &mut Roadmap,
+    a: usize,
+    b: usize,
+    checker: &MotionChecker<'_>,
+) -> Option<JointPath> {
     let mut edges = roadmap.unknown_edges(a);
     edges.extend(roadmap.unknown_edges(b));
     edges.push((a, b));
-    let length = |&(child, parent): &(usize, usize)| roadmap.config(child).distance(roadmap.config(parent));
+    let length =
+        |&(child, parent): &(usize, usize)| roadmap.config(child).distance(roadmap.config(parent));
     edges.sort_by(|edge, other| length(other).total_cmp(&length(edge)));
     let mut bridge = Edge::Unknown;
     for (child, parent) in edges {
@@ -154,7 +178,8 @@ fn test_path(roadmap: &mut Roadmap, a: usize, b: usize, checker: &MotionChecker<
             true => roadmap.mark_free(child),
             false if is_bridge => return None,
             false => {
-                let (near, far) = if roadmap.root(child) == roadmap.root(a) { (a, b) } else { (b, a) };
+                let (near, far) =
+                    if roadmap.root(child) == roadmap.root(a) { (a, b) } else { (b, a) };
                 roadmap.transfer(child, near, far, bridge);
                 return None;
             }

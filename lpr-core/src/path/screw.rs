@@ -1,4 +1,5 @@
-//! Screw motions of the grip: a turn about an axis in space together with a slide along it, as lids, handles and drawers ask for.
+//! Screw motions of the grip: a turn about an axis in space together with a slide along it, as
+//! lids, handles and drawers ask for.
 //!
 //! Beyond the paper, whose curves are quadratic Béziers only.
 
@@ -49,8 +50,8 @@ pub struct ScrewMotion {
 }
 
 impl ScrewMotion {
-    /// The screw motion that leads from one `world_from_grip` to another with a turn of at most half (Chasles): its axis is the
-    /// only one that does. A mere shift is a slide.
+    /// The screw motion that leads from one `world_from_grip` to another with a turn of at most
+    /// half (Chasles): its axis is the only one that does. A mere shift is a slide.
     #[must_use]
     pub fn between(start: &Pose3, goal: &Pose3) -> Self {
         let turn = goal.rotation * start.rotation.inverse();
@@ -67,7 +68,8 @@ impl ScrewMotion {
         let direction = Vec3::new(turn.x, turn.y, turn.z) / sine;
         let slide = direction.dot(shift);
         let across = shift - slide * direction;
-        // Half of the way across is on one side of the axis, half on the other, seen from it under half of the angle.
+        // Half of the way across is on one side of the axis, half on the other, seen from it under
+        // half of the angle.
         let point = 0.5 * (across + direction.cross(across) * (turn.w / sine));
         Self { start: *start, point, direction, angle, slide }
     }
@@ -87,7 +89,8 @@ impl ScrewMotion {
     ///
     /// # Errors
     ///
-    /// When the arm cannot follow to the end: [`Rejection::CurveUnreachable`] or [`Rejection::BranchJump`].
+    /// When the arm cannot follow to the end: [`Rejection::CurveUnreachable`] or
+    /// [`Rejection::BranchJump`].
     pub fn to_joints(&self, robot: &Robot, start: &JointConfig) -> Result<JointPath, Rejection> {
         follow(robot, start, self.n_steps(), |t| self.pose(t))
     }
@@ -108,8 +111,14 @@ mod tests {
     use proptest::prelude::*;
 
     fn pose() -> impl Strategy<Value = Pose3> {
-        (prop::array::uniform3(-1.0_f32..1.0), prop::array::uniform3(-2.0_f32..2.0))
-            .prop_map(|(at, turn)| Pose3::from_parts(Vec3::from_array(at), Quat::from_scaled_axis(Vec3::from_array(turn))))
+        (prop::array::uniform3(-1.0_f32..1.0), prop::array::uniform3(-2.0_f32..2.0)).prop_map(
+            |(at, turn)| {
+                Pose3::from_parts(
+                    Vec3::from_array(at),
+                    Quat::from_scaled_axis(Vec3::from_array(turn)),
+                )
+            },
+        )
     }
 
     proptest! {
@@ -144,7 +153,8 @@ mod tests {
         for robot in ROBOTS {
             let start = robot.grip(&robot.start);
             let hinge = start.translation + Vec3::new(0.0, 0.25, 0.0);
-            let screw = ScrewMotion { start, point: hinge, direction: -Vec3::Z, angle: 0.6, slide: 0.0 };
+            let screw =
+                ScrewMotion { start, point: hinge, direction: -Vec3::Z, angle: 0.6, slide: 0.0 };
             let path = screw.to_joints(robot, &robot.start).unwrap();
             for config in path.configs() {
                 let grip = robot.grip(config);
@@ -160,8 +170,21 @@ mod tests {
     fn a_motion_out_of_reach_is_rejected() {
         for robot in ROBOTS {
             let start = robot.grip(&robot.start);
-            let away = ScrewMotion { start, point: start.translation, direction: Vec3::X, angle: 0.0, slide: 2.0 };
-            assert!(matches!(away.to_joints(robot, &robot.start), Err(Rejection::CurveUnreachable { .. })), "{}", robot.name);
+            let away = ScrewMotion {
+                start,
+                point: start.translation,
+                direction: Vec3::X,
+                angle: 0.0,
+                slide: 2.0,
+            };
+            assert!(
+                matches!(
+                    away.to_joints(robot, &robot.start),
+                    Err(Rejection::CurveUnreachable { .. })
+                ),
+                "{}",
+                robot.name
+            );
         }
     }
 }

@@ -12,7 +12,8 @@ const SHORTEST_HALVED: f32 = 0.3;
 
 /// A free path with the same ends as the free path `path`, no longer than it.
 ///
-/// From every vertex on it goes straight to the furthest vertex it can; then the edges are halved and it does so again.
+/// From every vertex on it goes straight to the furthest vertex it can; then the edges are halved
+/// and it does so again.
 ///
 /// ```
 /// use lpr_core::path::{JointPath, shortcut};
@@ -38,13 +39,18 @@ pub fn shortcut(path: &JointPath, checker: &MotionChecker<'_>) -> JointPath {
     JointPath(configs)
 }
 
-/// The path without the vertices that a straight free motion can leave out. Its own edges count as checked.
-pub(super) fn skip_vertices(configs: &[JointConfig], checker: &MotionChecker<'_>) -> Vec<JointConfig> {
+/// The path without the vertices that a straight free motion can leave out. Its own edges count as
+/// checked.
+pub(super) fn skip_vertices(
+    configs: &[JointConfig],
+    checker: &MotionChecker<'_>,
+) -> Vec<JointConfig> {
     let last = configs.len() - 1;
     let mut kept = vec![configs[0]];
     let mut at = 0;
     while at < last {
-        let next = (at + 2..=last).rev().find(|&to| checker.motion_is_free(&configs[at], &configs[to]));
+        let next =
+            (at + 2..=last).rev().find(|&to| checker.motion_is_free(&configs[at], &configs[to]));
         at = next.unwrap_or(at + 1);
         kept.push(configs[at]);
     }
@@ -80,7 +86,8 @@ mod tests {
             config[1] -= lift;
             config
         };
-        let path = JointPath(vec![at(0.0, 0.0), at(0.2, 0.6), at(0.8, 0.6), at(0.5, 0.1), at(1.0, 0.0)]);
+        let path =
+            JointPath(vec![at(0.0, 0.0), at(0.2, 0.6), at(0.8, 0.6), at(0.5, 0.1), at(1.0, 0.0)]);
         assert_eq!(shortcut(&path, &checker), JointPath(vec![at(0.0, 0.0), at(1.0, 0.0)]));
     }
 
@@ -89,14 +96,23 @@ mod tests {
         let robot = stick_arm();
         let arm = ArmSpheres::new(&robot);
         let grip = robot.grip(&robot.start).translation;
-        let post = Primitive::Capsule { a: Vec3::new(grip.x, 0.0, 0.0), b: Vec3::new(grip.x, 0.0, grip.z), radius: 0.02 };
+        let post = Primitive::Capsule {
+            a: Vec3::new(grip.x, 0.0, 0.0),
+            b: Vec3::new(grip.x, 0.0, grip.z),
+            radius: 0.02,
+        };
         let scene = Scene::from_primitives(vec![post]);
         let checker = MotionChecker::new(&scene, &arm, 32.0);
         let at = |turn: f32, lift: f32| {
-            JointConfig(core::array::from_fn(|j| robot.start[j] + [turn, -lift, 0.0, 0.0, 0.0, 0.0, 0.0][j]))
+            JointConfig(core::array::from_fn(|j| {
+                robot.start[j] + [turn, -lift, 0.0, 0.0, 0.0, 0.0, 0.0][j]
+            }))
         };
         let path = JointPath(vec![at(-0.8, 0.0), at(-0.8, 0.9), at(0.8, 0.9), at(0.8, 0.0)]);
-        assert!(checker.path_is_free(path.configs()) && !checker.motion_is_free(path.start(), path.goal()));
+        assert!(
+            checker.path_is_free(path.configs())
+                && !checker.motion_is_free(path.start(), path.goal())
+        );
         let short = shortcut(&path, &checker);
         assert!(checker.path_is_free(short.configs()));
         assert!(short.length() < 0.8 * path.length(), "{} of {}", short.length(), path.length());

@@ -1,7 +1,8 @@
 //! A free path made short and round: vertices left out, corners cut, again and again.
 //!
-//! Cutting every corner at a share of its edges is a step of Chaikin's subdivision (1974), whose limit is a quadratic B-spline:
-//! the path bends where it used to turn. Every new edge is checked. Deterministic, without random numbers.
+//! Cutting every corner at a share of its edges is a step of Chaikin's subdivision (1974), whose
+//! limit is a quadratic B-spline: the path bends where it used to turn. Every new edge is checked.
+//! Deterministic, without random numbers.
 
 use super::plan::FINER;
 use super::shortcut::skip_vertices;
@@ -18,10 +19,12 @@ const LEAST_GAIN: f32 = 0.01;
 /// Shares of the edges at a corner that are cut off, tried in this order.
 const CUTS: [f32; 4] = [1.0, 0.75, 0.5, 0.25];
 
-/// A free path with the same ends as the free path `path`, no longer than it, whose corners are cut where there is room.
+/// A free path with the same ends as the free path `path`, no longer than it, whose corners are cut
+/// where there is room.
 ///
-/// The result is looked at once more, at [`FINER`] times the checker's resolution. Should it turn out to hit something between
-/// two checks, `path` is simplified at that resolution; should that touch something still, it stays as it is.
+/// The result is looked at once more, at [`FINER`] times the checker's resolution. Should it turn
+/// out to hit something between two checks, `path` is simplified at that resolution; should that
+/// touch something still, it stays as it is.
 ///
 /// ```
 /// use lpr_core::glamx::Vec3;
@@ -49,7 +52,10 @@ const CUTS: [f32; 4] = [1.0, 0.75, 0.5, 0.25];
 #[must_use]
 pub fn simplify(path: &JointPath, checker: &MotionChecker<'_>) -> JointPath {
     let fine = checker.finer(FINER);
-    let simple = [checker, &fine].into_iter().map(|checker| simplify_at(path, checker)).find(|simple| fine.path_is_free(simple));
+    let simple = [checker, &fine]
+        .into_iter()
+        .map(|checker| simplify_at(path, checker))
+        .find(|simple| fine.path_is_free(simple));
     checker.count(&fine);
     simple.map_or_else(|| path.clone(), JointPath)
 }
@@ -69,7 +75,8 @@ fn simplify_at(path: &JointPath, checker: &MotionChecker<'_>) -> Vec<JointConfig
     configs
 }
 
-/// Every corner replaced by the longest free cut between the edges that meet there; an edge between two corners is shared.
+/// Every corner replaced by the longest free cut between the edges that meet there; an edge between
+/// two corners is shared.
 fn cut_corners(configs: &[JointConfig], checker: &MotionChecker<'_>) -> Vec<JointConfig> {
     let last = configs.len() - 1;
     let mut cut = vec![configs[0]];
@@ -77,7 +84,8 @@ fn cut_corners(configs: &[JointConfig], checker: &MotionChecker<'_>) -> Vec<Join
         let corner = configs[i];
         let before = cut[cut.len() - 1];
         let after = if i + 1 < last { corner.lerp(&configs[i + 1], 0.5) } else { configs[last] };
-        let ends = CUTS.iter().map(|&share| (corner.lerp(&before, share), corner.lerp(&after, share)));
+        let ends =
+            CUTS.iter().map(|&share| (corner.lerp(&before, share), corner.lerp(&after, share)));
         match ends.into_iter().find(|(from, to)| checker.motion_is_free(from, to)) {
             Some((from, to)) => cut.extend([from, to]),
             None => cut.push(corner),
@@ -98,13 +106,16 @@ mod tests {
     use glamx::Vec3;
 
     fn at(turn: f32, lift: f32) -> JointConfig {
-        JointConfig(core::array::from_fn(|j| stick_arm().start[j] + [turn, -lift, 0.0, 0.0, 0.0, 0.0, 0.0][j]))
+        JointConfig(core::array::from_fn(|j| {
+            stick_arm().start[j] + [turn, -lift, 0.0, 0.0, 0.0, 0.0, 0.0][j]
+        }))
     }
 
     #[test]
     fn a_detour_around_nothing_becomes_straight() {
         let (scene, arm) = (Scene::empty(), ArmSpheres::new(&stick_arm()));
-        let path = JointPath(vec![at(0.0, 0.0), at(0.2, 0.6), at(0.8, 0.6), at(0.5, 0.1), at(1.0, 0.0)]);
+        let path =
+            JointPath(vec![at(0.0, 0.0), at(0.2, 0.6), at(0.8, 0.6), at(0.5, 0.1), at(1.0, 0.0)]);
         let simple = simplify(&path, &MotionChecker::new(&scene, &arm, 32.0));
         assert_eq!(simple, JointPath(vec![at(0.0, 0.0), at(1.0, 0.0)]));
     }
@@ -114,14 +125,19 @@ mod tests {
         let robot = stick_arm();
         let arm = ArmSpheres::new(&robot);
         let grip = robot.grip(&robot.start).translation;
-        let post = Primitive::Capsule { a: Vec3::new(grip.x, 0.0, 0.0), b: Vec3::new(grip.x, 0.0, grip.z), radius: 0.02 };
+        let post = Primitive::Capsule {
+            a: Vec3::new(grip.x, 0.0, 0.0),
+            b: Vec3::new(grip.x, 0.0, grip.z),
+            radius: 0.02,
+        };
         let scene = Scene::from_primitives(vec![post]);
         let checker = MotionChecker::new(&scene, &arm, 32.0);
         let settings = RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 5000 };
         let mut lengths = [0.0, 0.0];
         for seed in 0..10 {
             let rng = &mut stream(seed, Stream::Planner, 0);
-            let plan = rrt_connect(&checker, &at(-0.8, 0.0), &[at(0.8, 0.0)], &settings, rng).unwrap();
+            let plan =
+                rrt_connect(&checker, &at(-0.8, 0.0), &[at(0.8, 0.0)], &settings, rng).unwrap();
             let simple = simplify(&plan.path, &checker);
             assert_eq!((simple.start(), simple.goal()), (plan.path.start(), plan.path.goal()));
             assert!(checker.finer(FINER).path_is_free(simple.configs()));

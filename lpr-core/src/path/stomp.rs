@@ -1,12 +1,15 @@
-//! STOMP: a path improved by trying noisy copies of it and moving towards the better ones, without gradients.
+//! STOMP: a path improved by trying noisy copies of it and moving towards the better ones, without
+//! gradients.
 //!
-//! "STOMP: Stochastic trajectory optimization for motion planning" (ICRA 2011). Deterministic for a generator.
+//! "STOMP: Stochastic trajectory optimization for motion planning" (ICRA 2011). Deterministic for a
+//! generator.
 //!
 //! # Differences from the original
 //!
-//! - Obstacle costs are summed over pairs of a link and an obstacle, by the nearest sphere, and not weighted with its speed. They
-//!   are also seen between waypoints, and count for the nearest one.
-//! - The matrix of second differences ends at the fixed ends, so that its inverse is known in closed form.
+//! - Obstacle costs are summed over pairs of a link and an obstacle, by the nearest sphere, and not
+//!   weighted with its speed. They are also seen between waypoints, and count for the nearest one.
+//! - The matrix of second differences ends at the fixed ends, so that its inverse is known in
+//!   closed form.
 //! - It ends with the first path that is free, and begins anew through random configurations (see
 //!   [`StompSettings::beginnings`]).
 
@@ -43,8 +46,8 @@ pub struct StompSettings {
 }
 
 impl StompSettings {
-    /// The numbers that the command line and candidate sets use: sensitivity from the paper, the others by trial on 210 problems
-    /// of MotionBenchMaker.
+    /// The numbers that the command line and candidate sets use: sensitivity from the paper, the
+    /// others by trial on 210 problems of MotionBenchMaker.
     pub const STANDARD: Self = Self {
         waypoints: 30,
         looks: 2,
@@ -129,8 +132,8 @@ struct Copy {
     costs: Vec<f32>,
 }
 
-/// Moves every waypoint towards where it is cheaper, smoothly over the path. `copies` are the best of the step before, and
-/// become those of this one.
+/// Moves every waypoint towards where it is cheaper, smoothly over the path. `copies` are the best
+/// of the step before, and become those of this one.
 fn improve(
     checker: &MotionChecker<'_>,
     course: &mut [JointConfig],
@@ -144,8 +147,9 @@ fn improve(
         add(&mut noisy, &smoothing.noise(settings.noise, rng), checker);
         copies.push(Copy { costs: costs(checker, &noisy, settings), course: noisy });
     }
-    let changes: Vec<[f32; DOF]> =
-        (1..course.len() - 1).map(|at| preferred(&course[at], copies, at, settings.sensitivity)).collect();
+    let changes: Vec<[f32; DOF]> = (1..course.len() - 1)
+        .map(|at| preferred(&course[at], copies, at, settings.sensitivity))
+        .collect();
     add(course, &smoothing.smooth(&changes), checker);
     let total = |copy: &Copy| copy.costs.iter().sum::<f32>();
     copies.sort_by(|a, b| total(a).total_cmp(&total(b)));
@@ -160,8 +164,13 @@ fn add(course: &mut [JointConfig], changes: &[[f32; DOF]], checker: &MotionCheck
     }
 }
 
-/// Cost of every waypoint, the ends included: how far gaps nearby are short of the safe distance, metres.
-fn costs(checker: &MotionChecker<'_>, course: &[JointConfig], settings: &StompSettings) -> Vec<f32> {
+/// Cost of every waypoint, the ends included: how far gaps nearby are short of the safe distance,
+/// metres.
+fn costs(
+    checker: &MotionChecker<'_>,
+    course: &[JointConfig],
+    settings: &StompSettings,
+) -> Vec<f32> {
     let mut costs = vec![0.0; course.len()];
     for touch in touches(checker, course, settings.looks, settings.safe_distance) {
         let nearest = if touch.fraction > 0.5 { touch.edge + 1 } else { touch.edge };
@@ -179,19 +188,25 @@ fn preferred(config: &JointConfig, copies: &[Copy], at: usize, sensitivity: f32)
     if high <= low {
         return [0.0; DOF];
     }
-    let weights: Vec<f32> = copies.iter().map(|copy| libm::expf(-sensitivity * (copy.costs[at] - low) / (high - low))).collect();
+    let weights: Vec<f32> = copies
+        .iter()
+        .map(|copy| libm::expf(-sensitivity * (copy.costs[at] - low) / (high - low)))
+        .collect();
     let total: f32 = weights.iter().sum();
     let offset = |copy: &Copy, j: usize| copy.course[at][j] - config[j];
-    core::array::from_fn(|j| copies.iter().zip(&weights).map(|(copy, weight)| weight / total * offset(copy, j)).sum())
+    core::array::from_fn(|j| {
+        copies.iter().zip(&weights).map(|(copy, weight)| weight / total * offset(copy, j)).sum()
+    })
 }
 
-/// Noise and changes whose second differences are small: covariance and matrix `R⁻¹` in the paper, `R = K²` of
-/// [`compliance`].
+/// Noise and changes whose second differences are small: covariance and matrix `R⁻¹` in the paper,
+/// `R = K²` of [`compliance`].
 struct Smoothing {
     waypoints: usize,
     /// Standard deviation of what unit noise makes of the waypoint that moves most.
     deviation: f32,
-    /// `M` in the paper, row by row: `R⁻¹` with every column scaled to a largest element of 1 over the number of waypoints.
+    /// `M` in the paper, row by row: `R⁻¹` with every column scaled to a largest element of 1 over
+    /// the number of waypoints.
     rows: Vec<Vec<f32>>,
 }
 
@@ -200,26 +215,41 @@ impl Smoothing {
         let covariance = |i: usize, k: usize| -> f32 {
             (1..=waypoints).map(|m| compliance(waypoints, i, m) * compliance(waypoints, m, k)).sum()
         };
-        let columns: Vec<Vec<f32>> = (1..=waypoints).map(|k| (1..=waypoints).map(|i| covariance(i, k)).collect()).collect();
+        let columns: Vec<Vec<f32>> =
+            (1..=waypoints).map(|k| (1..=waypoints).map(|i| covariance(i, k)).collect()).collect();
         let largest = |column: &[f32]| column.iter().copied().fold(0.0, f32::max);
-        let scales: Vec<f32> = columns.iter().map(|column| 1.0 / (largest(column) * waypoints as f32)).collect();
-        let row = |i: usize| columns.iter().zip(&scales).map(|(column, scale)| column[i] * scale).collect();
+        let scales: Vec<f32> =
+            columns.iter().map(|column| 1.0 / (largest(column) * waypoints as f32)).collect();
+        let row = |i: usize| {
+            columns.iter().zip(&scales).map(|(column, scale)| column[i] * scale).collect()
+        };
         let variances: Vec<f32> = (0..waypoints).map(|i| columns[i][i]).collect();
-        Self { waypoints, deviation: libm::sqrtf(largest(&variances)), rows: (0..waypoints).map(row).collect() }
+        Self {
+            waypoints,
+            deviation: libm::sqrtf(largest(&variances)),
+            rows: (0..waypoints).map(row).collect(),
+        }
     }
 
     /// Noise for every waypoint: `K⁻¹ z` with `z` standard normal has the covariance `K⁻² = R⁻¹`.
     fn noise(&self, deviation: f32, rng: &mut Rng) -> Vec<[f32; DOF]> {
-        let forces: Vec<[f32; DOF]> = (0..self.waypoints).map(|_| core::array::from_fn(|_| normal(rng))).collect();
+        let forces: Vec<[f32; DOF]> =
+            (0..self.waypoints).map(|_| core::array::from_fn(|_| normal(rng))).collect();
         let scale = deviation / self.deviation;
         let follow = |i: usize, j: usize| -> f32 {
-            forces.iter().zip(1..).map(|(force, k)| compliance(self.waypoints, i, k) * force[j]).sum()
+            forces
+                .iter()
+                .zip(1..)
+                .map(|(force, k)| compliance(self.waypoints, i, k) * force[j])
+                .sum()
         };
         (1..=self.waypoints).map(|i| core::array::from_fn(|j| scale * follow(i, j))).collect()
     }
 
     fn smooth(&self, changes: &[[f32; DOF]]) -> Vec<[f32; DOF]> {
-        let sum = |row: &[f32], j: usize| row.iter().zip(changes).map(|(weight, change)| weight * change[j]).sum();
+        let sum = |row: &[f32], j: usize| {
+            row.iter().zip(changes).map(|(weight, change)| weight * change[j]).sum()
+        };
         self.rows.iter().map(|row| core::array::from_fn(|j| sum(row, j))).collect()
     }
 }
@@ -263,7 +293,8 @@ mod tests {
     #[test]
     fn a_waypoint_goes_to_where_copies_cost_less_and_stays_where_all_cost_the_same() {
         let at = |q: f32| JointConfig([q; DOF]);
-        let copy = |offset: f32, cost: f32| Copy { course: vec![at(1.0 + offset)], costs: vec![cost] };
+        let copy =
+            |offset: f32, cost: f32| Copy { course: vec![at(1.0 + offset)], costs: vec![cost] };
         let copies = [copy(-0.4, 0.0), copy(0.2, 0.3), copy(0.3, 0.1)];
         let preferred_at = |sensitivity| preferred(&at(1.0), &copies, 0, sensitivity)[0];
         assert!((preferred_at(0.0) - 0.1 / 3.0).abs() < 1e-6);

@@ -1,10 +1,11 @@
 //! When a path is where: one speed profile along its length in joint space.
 //!
-//! The speed rises at constant acceleration to a constant speed and falls back likewise (a trapezoid, or a triangle on short
-//! paths). Computed in f64.
+//! The speed rises at constant acceleration to a constant speed and falls back likewise (a
+//! trapezoid, or a triangle on short paths). Computed in f64.
 //!
-//! The direction of the motion changes at once at the configurations of the path, as in the simulator, whose arm is kinematic;
-//! a bound on the accelerations there is the business of the real arm's executor.
+//! The direction of the motion changes at once at the configurations of the path, as in the
+//! simulator, whose arm is kinematic; a bound on the accelerations there is the business of the
+//! real arm's executor.
 
 use super::JointPath;
 use crate::error::{Error, Result};
@@ -45,22 +46,27 @@ pub struct TimedPath {
 }
 
 impl TimedPath {
-    /// `path` at the speed of `settings`, slowed so that every joint keeps the robot's velocity and acceleration limits on the
-    /// path's segments.
+    /// `path` at the speed of `settings`, slowed so that every joint keeps the robot's velocity and
+    /// acceleration limits on the path's segments.
     ///
     /// # Errors
     ///
     /// When a speed or acceleration is not a positive number.
     pub fn new(path: JointPath, robot: &Robot, settings: &TimingSettings) -> Result<Self> {
-        for (name, value) in [("max_velocity", settings.max_velocity), ("max_acceleration", settings.max_acceleration)] {
+        for (name, value) in [
+            ("max_velocity", settings.max_velocity),
+            ("max_acceleration", settings.max_acceleration),
+        ] {
             if !(value.is_finite() && value > 0.0) {
                 return Err(Error::Config(format!("timing.{name}: above 0, got {value}")));
             }
         }
         let mut lengths = vec![0.0];
-        let (mut velocity, mut acceleration) = (f64::from(settings.max_velocity), f64::from(settings.max_acceleration));
+        let (mut velocity, mut acceleration) =
+            (f64::from(settings.max_velocity), f64::from(settings.max_acceleration));
         for pair in path.configs().windows(2) {
-            let moves: [f64; DOF] = core::array::from_fn(|j| f64::from(pair[1][j]) - f64::from(pair[0][j]));
+            let moves: [f64; DOF] =
+                core::array::from_fn(|j| f64::from(pair[1][j]) - f64::from(pair[0][j]));
             let length = libm::sqrt(moves.iter().map(|d| d * d).sum());
             lengths.push(lengths[lengths.len() - 1] + length);
             for (joint, moved) in robot.joints.iter().zip(moves) {
@@ -97,7 +103,8 @@ impl TimedPath {
         let at = self.profile.length_at(t_secs.max(0.0));
         let next = self.lengths.partition_point(|length| *length <= at).min(self.lengths.len() - 1);
         let (before, after) = (self.lengths[next - 1], self.lengths[next]);
-        let fraction = if after > before { ((at - before) / (after - before)).min(1.0) } else { 0.0 };
+        let fraction =
+            if after > before { ((at - before) / (after - before)).min(1.0) } else { 0.0 };
         let (from, to) = (&self.path.configs()[next - 1], &self.path.configs()[next]);
         JointConfig(core::array::from_fn(|j| {
             let (from, to) = (f64::from(from[j]), f64::from(to[j]));
@@ -153,7 +160,8 @@ mod tests {
     const SETTINGS: TimingSettings = TimingSettings { max_velocity: 1.0, max_acceleration: 4.0 };
 
     fn path() -> impl Strategy<Value = JointPath> {
-        prop::collection::vec(prop::array::uniform7(-1.5_f32..1.5).prop_map(JointConfig), 2..8).prop_map(JointPath)
+        prop::collection::vec(prop::array::uniform7(-1.5_f32..1.5).prop_map(JointConfig), 2..8)
+            .prop_map(JointPath)
     }
 
     proptest! {
@@ -202,9 +210,14 @@ mod tests {
         let along = |length: f32| {
             let mut goal = JointConfig([0.0; DOF]);
             goal[0] = length;
-            TimedPath::new(JointPath(vec![JointConfig([0.0; DOF]), goal]), &PANDA, &SETTINGS).unwrap().duration_secs()
+            TimedPath::new(JointPath(vec![JointConfig([0.0; DOF]), goal]), &PANDA, &SETTINGS)
+                .unwrap()
+                .duration_secs()
         };
-        assert!((along(2.0) - 2.25).abs() < 1e-12, "2 rad at 1 rad/s and twice 0.25 s at half speed");
+        assert!(
+            (along(2.0) - 2.25).abs() < 1e-12,
+            "2 rad at 1 rad/s and twice 0.25 s at half speed"
+        );
         assert!((along(0.16) - 0.4).abs() < 1e-7, "2 √(0.16 rad / 4 rad/s²)");
     }
 
@@ -212,7 +225,10 @@ mod tests {
     fn a_speed_of_nothing_is_refused() {
         let path = JointPath(vec![JointConfig([0.0; DOF]), JointConfig([0.1; DOF])]);
         for max_velocity in [0.0, -1.0, f32::NAN, f32::INFINITY] {
-            assert!(TimedPath::new(path.clone(), &PANDA, &TimingSettings { max_velocity, ..SETTINGS }).is_err());
+            assert!(
+                TimedPath::new(path.clone(), &PANDA, &TimingSettings { max_velocity, ..SETTINGS })
+                    .is_err()
+            );
         }
     }
 

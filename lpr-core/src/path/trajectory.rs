@@ -47,7 +47,10 @@ impl JointState {
     /// Whether all its numbers are finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
-        [self.angles, self.velocities, self.accelerations].as_flattened().iter().all(|value| value.is_finite())
+        [self.angles, self.velocities, self.accelerations]
+            .as_flattened()
+            .iter()
+            .all(|value| value.is_finite())
     }
 }
 
@@ -89,10 +92,18 @@ impl Trajectory {
     ///
     /// # Errors
     ///
-    /// When `duration` is not finite: limits so small or ways so long that numbers of f64 do not reach.
-    pub(super) fn new(start: JointState, goal: [f64; DOF], duration: f64, motion: Motion) -> Result<Self> {
+    /// When `duration` is not finite: limits so small or ways so long that numbers of f64 do not
+    /// reach.
+    pub(super) fn new(
+        start: JointState,
+        goal: [f64; DOF],
+        duration: f64,
+        motion: Motion,
+    ) -> Result<Self> {
         if !duration.is_finite() {
-            return Err(Error::Config(format!("limits: no finite duration within them, got {duration} s")));
+            return Err(Error::Config(format!(
+                "limits: no finite duration within them, got {duration} s"
+            )));
         }
         Ok(Self { start, goal, duration, motion })
     }
@@ -116,7 +127,8 @@ impl Trajectory {
         }
     }
 
-    /// Times (seconds) and states at 0, `period_secs`, 2 `period_secs` …, and at the end, which closes the last period early.
+    /// Times (seconds) and states at 0, `period_secs`, 2 `period_secs` …, and at the end, which
+    /// closes the last period early.
     ///
     /// # Errors
     ///
@@ -125,7 +137,8 @@ impl Trajectory {
         if !(period_secs.is_finite() && period_secs > 0.0) {
             return Err(Error::Config(format!("period: above 0, got {period_secs} s")));
         }
-        let times = (0_u64..).map(move |i| i as f64 * period_secs).take_while(|t| *t < self.duration);
+        let times =
+            (0_u64..).map(move |i| i as f64 * period_secs).take_while(|t| *t < self.duration);
         Ok(times.chain([self.duration]).map(|t| (t, self.at(t))))
     }
 }

@@ -1,4 +1,5 @@
-//! `TrajOpt`: a path improved by convex problems, each an approximation that is trusted near the path that it was made at.
+//! `TrajOpt`: a path improved by convex problems, each an approximation that is trusted near the
+//! path that it was made at.
 //!
 //! "Motion planning with sequential convex optimization and convex collision checking" (IJRR 2014):
 //!
@@ -6,15 +7,17 @@
 //! minimise  w/2 Σ |ξ_t+1 - ξ_t|²  +  μ Σ max(0, d_safe - d_i(ξ))      within the joint limits
 //! ```
 //!
-//! with the gaps `d_i` linear near the path, a box around the path in which that is trusted, and a penalty `μ` that grows until
-//! no gap is short. Deterministic for a generator.
+//! with the gaps `d_i` linear near the path, a box around the path in which that is trusted, and a
+//! penalty `μ` that grows until no gap is short. Deterministic for a generator.
 //!
 //! # Differences from the original
 //!
-//! - Gaps are those of spheres at a few configurations between waypoints, not of the hulls that links sweep.
-//! - The convex problems are solved by ascent in their dual, one multiplier after the other ([`convex`]), not by a general solver.
-//! - It ends with the first path that is free, not at a minimum, and begins anew through random configurations rather than
-//!   chosen ones (see [`TrajoptSettings::beginnings`]).
+//! - Gaps are those of spheres at a few configurations between waypoints, not of the hulls that
+//!   links sweep.
+//! - The convex problems are solved by ascent in their dual, one multiplier after the other
+//!   ([`convex`]), not by a general solver.
+//! - It ends with the first path that is free, not at a minimum, and begins anew through random
+//!   configurations rather than chosen ones (see [`TrajoptSettings::beginnings`]).
 
 mod convex;
 
@@ -37,9 +40,11 @@ pub struct TrajoptSettings {
     pub looks: usize,
     /// Gap that is kept to obstacles and other links (`d_safe` in the paper), metres.
     pub safe_distance: f32,
-    /// Gaps below this are in the convex problems, metres: more than the safe distance, since they may shrink in a step.
+    /// Gaps below this are in the convex problems, metres: more than the safe distance, since they
+    /// may shrink in a step.
     pub seen_distance: f32,
-    /// Penalty on a metre of a gap short of the safe distance at first (`μ` in the paper), radians² per metre.
+    /// Penalty on a metre of a gap short of the safe distance at first (`μ` in the paper), radians²
+    /// per metre.
     pub penalty: f32,
     /// What the penalty is multiplied with when it does not suffice.
     pub penalty_growth: f32,
@@ -68,8 +73,8 @@ pub struct TrajoptSettings {
 impl TrajoptSettings {
     /// The numbers that the command line and candidate sets use.
     ///
-    /// Accepted gain and growth of penalty and trust as in the authors' program, the others by trial on 210 problems of
-    /// MotionBenchMaker.
+    /// Accepted gain and growth of penalty and trust as in the authors' program, the others by
+    /// trial on 210 problems of MotionBenchMaker.
     pub const STANDARD: Self = Self {
         waypoints: 16,
         looks: 3,
@@ -126,7 +131,9 @@ pub fn trajopt(
 ) -> Result<Plan, Rejection> {
     let beginnings = Beginnings { waypoints: settings.waypoints, count: settings.beginnings };
     search_twice(checker, start, goals, |checker, goals| {
-        optimize_beginnings(checker, start, goals, beginnings, rng, |course, _| optimize(checker, course, settings))
+        optimize_beginnings(checker, start, goals, beginnings, rng, |course, _| {
+            optimize(checker, course, settings)
+        })
     })
 }
 
@@ -149,9 +156,14 @@ enum Step {
     Done,
 }
 
-fn optimize(checker: &MotionChecker<'_>, course: &[JointConfig], settings: &TrajoptSettings) -> Optimized {
+fn optimize(
+    checker: &MotionChecker<'_>,
+    course: &[JointConfig],
+    settings: &TrajoptSettings,
+) -> Optimized {
     let near = touches(checker, course, settings.looks, settings.seen_distance);
-    let mut state = State { course: course.to_vec(), near, penalty: settings.penalty, trust: settings.trust };
+    let mut state =
+        State { course: course.to_vec(), near, penalty: settings.penalty, trust: settings.trust };
     let mut growths = 0;
     for step in 1..=settings.steps {
         if checker.is_stopped() {
@@ -163,7 +175,9 @@ fn optimize(checker: &MotionChecker<'_>, course: &[JointConfig], settings: &Traj
             }
             Step::Moved => {}
             Step::Shrunk if state.trust >= settings.least_trust => {}
-            Step::Shrunk | Step::Done if growths == settings.growths => return Optimized { course: None, steps: step },
+            Step::Shrunk | Step::Done if growths == settings.growths => {
+                return Optimized { course: None, steps: step };
+            }
             Step::Shrunk | Step::Done => {
                 growths += 1;
                 state.penalty *= settings.penalty_growth;
@@ -174,7 +188,8 @@ fn optimize(checker: &MotionChecker<'_>, course: &[JointConfig], settings: &Traj
     Optimized { course: None, steps: settings.steps }
 }
 
-/// Solves one convex problem and moves there, if the cost falls by enough of what the approximation promised.
+/// Solves one convex problem and moves there, if the cost falls by enough of what the approximation
+/// promised.
 fn advance(state: &mut State, checker: &MotionChecker<'_>, settings: &TrajoptSettings) -> Step {
     let limits = checker.arm().limits();
     let convex = Convex::new(&state.course, &state.near, settings.safe_distance, state.penalty);
@@ -197,5 +212,6 @@ fn advance(state: &mut State, checker: &MotionChecker<'_>, settings: &TrajoptSet
 
 /// The cost itself, of which the convex problems are approximations.
 fn cost(course: &[JointConfig], near: &[Touch], penalty: f32, settings: &TrajoptSettings) -> f32 {
-    energy(course) + penalty * near.iter().map(|touch| touch.shortfall(settings.safe_distance)).sum::<f32>()
+    energy(course)
+        + penalty * near.iter().map(|touch| touch.shortfall(settings.safe_distance)).sum::<f32>()
 }

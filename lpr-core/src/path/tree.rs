@@ -20,7 +20,8 @@ pub(super) struct Tree {
 
 impl Tree {
     pub(super) fn new(level: Level, roots: &[JointConfig]) -> Self {
-        let mut tree = Self { level, configs: Vec::new(), parents: Vec::new(), columns: Vec::new() };
+        let mut tree =
+            Self { level, configs: Vec::new(), parents: Vec::new(), columns: Vec::new() };
         for (idx, root) in roots.iter().enumerate() {
             tree.push(*root, idx);
         }
@@ -68,7 +69,11 @@ impl Tree {
 
 /// Squared distance and index of the column nearest `target`.
 #[inline(always)]
-fn nearest<S: Simd>(simd: S, columns: &[[[f32; CHUNK]; DOF]], target: &JointConfig) -> (f32, usize) {
+fn nearest<S: Simd>(
+    simd: S,
+    columns: &[[[f32; CHUNK]; DOF]],
+    target: &JointConfig,
+) -> (f32, usize) {
     let width = Floats::<S>::LEN;
     let mut least = Floats::<S>::splat(simd, f32::INFINITY);
     let mut which = S::i32s::splat(simd, 0);
@@ -76,17 +81,24 @@ fn nearest<S: Simd>(simd: S, columns: &[[[f32; CHUNK]; DOF]], target: &JointConf
         for part in 0..CHUNK / width {
             let mut squares = Floats::<S>::splat(simd, 0.0);
             for j in 0..DOF {
-                let offset = Floats::<S>::from_slice(simd, &column[j][part * width..(part + 1) * width]) - target[j];
+                let offset =
+                    Floats::<S>::from_slice(simd, &column[j][part * width..(part + 1) * width])
+                        - target[j];
                 squares += offset * offset;
             }
             let is_nearer = squares.simd_lt(least);
             least = is_nearer.select(squares, least);
-            which = is_nearer.select(S::i32s::splat(simd, (chunk * CHUNK + part * width) as i32), which);
+            which = is_nearer
+                .select(S::i32s::splat(simd, (chunk * CHUNK + part * width) as i32), which);
         }
     }
     let mut best = (f32::INFINITY, usize::MAX);
     for (lane, (squared, first)) in least.as_slice().iter().zip(which.as_slice()).enumerate() {
-        best = if (*squared, *first as usize + lane) < best { (*squared, *first as usize + lane) } else { best };
+        best = if (*squared, *first as usize + lane) < best {
+            (*squared, *first as usize + lane)
+        } else {
+            best
+        };
     }
     best
 }

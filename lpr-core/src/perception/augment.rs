@@ -1,6 +1,7 @@
 //! Augmentation of point clouds: a turn about the vertical and a shift.
 //!
-//! The released C2F-ARM has none; it is `PerAct`'s, which turns by up to ±45° and shifts by up to ±0.125 m.
+//! The released C2F-ARM has none; it is `PerAct`'s, which turns by up to ±45° and shifts by up to
+//! ±0.125 m.
 
 use glamx::{Pose3, Quat, Vec3};
 use serde::{Deserialize, Serialize};
@@ -31,7 +32,8 @@ pub struct PointTransform {
 impl PointTransform {
     /// The transform as a pose: `moved = pose() * point`.
     ///
-    /// Apply it to points before they are voxelised and to poses in the world, such as the grip's or the next-best pose.
+    /// Apply it to points before they are voxelised and to poses in the world, such as the grip's
+    /// or the next-best pose.
     #[must_use]
     pub fn pose(&self) -> Pose3 {
         let (sin, cos) = libm::sincosf(0.5 * self.yaw);
@@ -56,7 +58,11 @@ mod tests {
 
     #[test]
     fn a_quarter_turn_about_a_point_and_a_shift() {
-        let transform = PointTransform { yaw: FRAC_PI_2, shift: Vec3::new(0.0, 0.0, 0.1), about: Vec3::new(0.5, 0.0, 7.0) };
+        let transform = PointTransform {
+            yaw: FRAC_PI_2,
+            shift: Vec3::new(0.0, 0.0, 0.1),
+            about: Vec3::new(0.5, 0.0, 7.0),
+        };
         let moved: Vec<_> = transform.apply([(Vec3::new(0.7, 0.0, 0.2), [1, 2, 3])]).collect();
         assert!((moved[0].0 - Vec3::new(0.5, 0.2, 0.3)).length() < 1e-6, "{}", moved[0].0);
         assert_eq!(moved[0].1, [1, 2, 3]);
@@ -64,11 +70,16 @@ mod tests {
 
     #[test]
     fn poses_move_with_the_points_seen_from_them() {
-        let transform = PointTransform { yaw: 0.7, shift: Vec3::new(0.1, -0.05, 0.02), about: Vec3::new(0.5, 0.1, 0.0) };
+        let transform = PointTransform {
+            yaw: 0.7,
+            shift: Vec3::new(0.1, -0.05, 0.02),
+            about: Vec3::new(0.5, 0.1, 0.0),
+        };
         let grip = Pose3::new(Vec3::new(0.4, 0.2, 0.3), Vec3::new(3.0, 0.2, 0.1));
         let point = Vec3::new(0.45, 0.25, 0.1);
         let (moved_grip, moved_point) = (transform.pose() * grip, transform.pose() * point);
-        let difference = grip.inverse_transform_point(point) - moved_grip.inverse_transform_point(moved_point);
+        let difference =
+            grip.inverse_transform_point(point) - moved_grip.inverse_transform_point(moved_point);
         assert!(difference.length() < 1e-6, "{difference}");
     }
 }

@@ -1,7 +1,8 @@
 //! Pinhole cameras and where they stand.
 //!
-//! Axes are `OpenCV`'s: z along the optical axis, x to the right of the image, y down. Image coordinates are continuous: the
-//! pixel in column `c` and row `r` covers `[c, c+1) × [r, r+1)`, its centre is at `(c + 0.5, r + 0.5)`.
+//! Axes are `OpenCV`'s: z along the optical axis, x to the right of the image, y down. Image
+//! coordinates are continuous: the pixel in column `c` and row `r` covers `[c, c+1) × [r, r+1)`,
+//! its centre is at `(c + 0.5, r + 0.5)`.
 
 use crate::error::{Error, Result};
 use crate::robot::Robot;
@@ -12,7 +13,8 @@ use serde::{Deserialize, Serialize};
 pub const IMAGE_SIZE: usize = 128;
 
 /// Names that [`Camera::by_name`] knows.
-pub const CAMERA_NAMES: [&str; 5] = ["front", "wrist", "left_shoulder", "right_shoulder", "overhead"];
+pub const CAMERA_NAMES: [&str; 5] =
+    ["front", "wrist", "left_shoulder", "right_shoulder", "overhead"];
 
 /// Nearest depth that a camera sees, metres (`RLBench`'s wrist camera).
 const NEAR: f32 = 0.01;
@@ -58,9 +60,11 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// A square camera of [`IMAGE_SIZE`] at `position` that looks along `direction`, with the world's z up in the image.
+    /// A square camera of [`IMAGE_SIZE`] at `position` that looks along `direction`, with the
+    /// world's z up in the image.
     ///
-    /// Looking straight up or down, the top of the image points along the world's x, away from the robot.
+    /// Looking straight up or down, the top of the image points along the world's x, away from the
+    /// robot.
     ///
     /// # Panics
     ///
@@ -88,7 +92,10 @@ impl Camera {
     /// When `vertical_fov` (radians) is not between 0 and π.
     #[must_use]
     pub fn at(name: &str, world_from_camera: Pose3, vertical_fov: f32) -> Self {
-        assert!(vertical_fov > 0.0 && vertical_fov < core::f32::consts::PI, "field of view in (0, π), got {vertical_fov}");
+        assert!(
+            vertical_fov > 0.0 && vertical_fov < core::f32::consts::PI,
+            "field of view in (0, π), got {vertical_fov}"
+        );
         let center = IMAGE_SIZE as f32 / 2.0;
         let focal = center / libm::tanf(0.5 * vertical_fov);
         Self {
@@ -105,7 +112,8 @@ impl Camera {
         }
     }
 
-    /// The same camera with another image size; the vertical field of view stays, the principal point is the centre.
+    /// The same camera with another image size; the vertical field of view stays, the principal
+    /// point is the centre.
     #[must_use]
     pub fn with_size(mut self, width: usize, height: usize) -> Self {
         let scale = height as f32 / self.height as f32;
@@ -156,29 +164,41 @@ impl Camera {
         }
     }
 
-    /// `RLBench`'s front camera, the only one the paper uses: it faces the robot from 1.1 m beyond the workspace's centre.
+    /// `RLBench`'s front camera, the only one the paper uses: it faces the robot from 1.1 m beyond
+    /// the workspace's centre.
     #[must_use]
     pub fn front(robot: &Robot) -> Self {
-        // Position (1.62, 0, 0.83) for the workspace centre (0.52, 0); 25° down; vertical field of view 40°.
+        // Position (1.62, 0, 0.83) for the workspace centre (0.52, 0); 25° down; vertical field of
+        // view 40°.
         let position = workspace_point(robot, Vec3::new(1.10, 0.0, 0.83));
         let (sin, cos) = libm::sincosf(25_f32.to_radians());
         Self::looking("front", position, Vec3::new(-cos, 0.0, -sin), 40_f32.to_radians())
     }
 
-    /// A camera on the hand beside the fingers, looking at the tips; 60° as in `RLBench`, its mount is our choice.
+    /// A camera on the hand beside the fingers, looking at the tips; 60° as in `RLBench`, its mount
+    /// is our choice.
     #[must_use]
     pub fn wrist(robot: &Robot, world_from_flange: &Pose3) -> Self {
         let flange_from_grip = Pose3::from(robot.flange_from_grip);
         let position = Vec3::new(0.075, 0.0, 0.03 - flange_from_grip.translation.z);
         let direction = Vec3::new(0.0, 0.0, 0.03) - position;
         let grip_from_camera = Pose3::from_parts(position, facing(direction, Vec3::X));
-        Self::at("wrist", world_from_flange * flange_from_grip * grip_from_camera, 60_f32.to_radians())
+        Self::at(
+            "wrist",
+            world_from_flange * flange_from_grip * grip_from_camera,
+            60_f32.to_radians(),
+        )
     }
 
     /// A camera behind and beside the robot that looks over its shoulder at the workspace.
     fn shoulder(name: &str, robot: &Robot, side: f32) -> Self {
         let position = workspace_point(robot, Vec3::new(-0.55, side, 0.85));
-        Self::looking_at(name, position, workspace_point(robot, Vec3::new(0.05, 0.0, 0.10)), 50_f32.to_radians())
+        Self::looking_at(
+            name,
+            position,
+            workspace_point(robot, Vec3::new(0.05, 0.0, 0.10)),
+            50_f32.to_radians(),
+        )
     }
 
     /// A camera above the workspace that looks straight down.
@@ -189,24 +209,30 @@ impl Camera {
 
     /// Image coordinates and depth along the optical axis (metres) of a point in the world.
     ///
-    /// Coordinates may lie outside the image; `None` for a point nearer than [`Self::near`] or behind the camera.
+    /// Coordinates may lie outside the image; `None` for a point nearer than [`Self::near`] or
+    /// behind the camera.
     #[must_use]
     pub fn project(&self, point: Vec3) -> Option<(Vec2, f32)> {
         let local = self.world_from_camera.inverse_transform_point(point);
         (local.z >= self.near).then(|| {
-            let image = Vec2::new(self.cx + self.fx * local.x / local.z, self.cy + self.fy * local.y / local.z);
+            let image = Vec2::new(
+                self.cx + self.fx * local.x / local.z,
+                self.cy + self.fy * local.y / local.z,
+            );
             (image, local.z)
         })
     }
 
-    /// The point in the world at image coordinates `image` and `depth` metres along the optical axis.
+    /// The point in the world at image coordinates `image` and `depth` metres along the optical
+    /// axis.
     #[must_use]
     pub fn unproject(&self, image: Vec2, depth: f32) -> Vec3 {
         let ray = Vec3::new((image.x - self.cx) / self.fx, (image.y - self.cy) / self.fy, 1.0);
         self.world_from_camera.transform_point(ray * depth)
     }
 
-    /// The points in the world that the pixels of a depth image see; `Vec3::INFINITY` where the depth is not finite.
+    /// The points in the world that the pixels of a depth image see; `Vec3::INFINITY` where the
+    /// depth is not finite.
     ///
     /// ```
     /// use lpr_core::glamx::Vec3;
@@ -224,7 +250,8 @@ impl Camera {
         let ray_per_column = rotation * Vec3::new(1.0 / self.fx, 0.0, 0.0);
         let mut points = Vec::with_capacity(depth.len());
         for (y, row) in depth.chunks(self.width.max(1)).enumerate() {
-            let ray_left = rotation * Vec3::new((0.5 - self.cx) / self.fx, (y as f32 + 0.5 - self.cy) / self.fy, 1.0);
+            let ray_left = rotation
+                * Vec3::new((0.5 - self.cx) / self.fx, (y as f32 + 0.5 - self.cy) / self.fy, 1.0);
             points.extend(row.iter().enumerate().map(|(x, &z)| {
                 let seen = origin + (ray_left + ray_per_column * x as f32) * z;
                 if z.is_finite() { seen } else { Vec3::INFINITY }
@@ -248,9 +275,11 @@ fn workspace_point(robot: &Robot, offset: Vec3) -> Vec3 {
     robot.workspace_center.extend(0.0) + offset
 }
 
-/// The rotation whose z is `direction` and whose -y is as close to `up` as it can be (to x where they are parallel).
+/// The rotation whose z is `direction` and whose -y is as close to `up` as it can be (to x where
+/// they are parallel).
 fn facing(direction: Vec3, up: Vec3) -> Quat {
-    let forward = direction.try_normalize().expect("a camera looks along a direction that is not zero");
+    let forward =
+        direction.try_normalize().expect("a camera looks along a direction that is not zero");
     let right = forward.cross(up);
     let right = if right.length_squared() > 1e-6 { right } else { forward.cross(Vec3::X) };
     let right = right.try_normalize().expect("forward is parallel to at most one of the two axes");
@@ -270,12 +299,20 @@ mod tests {
     #[test]
     fn front_camera_is_rlbenchs() {
         let camera = Camera::front(&PANDA);
-        assert!((camera.fx - 175.8386).abs() < 1e-3 && camera.fx == camera.fy, "|f| printed by RLBench users: 175.8386");
-        assert!((camera.world_from_camera.translation - Vec3::new(1.62, 0.0, 0.83)).length() < 1e-6);
+        assert!(
+            (camera.fx - 175.8386).abs() < 1e-3 && camera.fx == camera.fy,
+            "|f| printed by RLBench users: 175.8386"
+        );
+        assert!(
+            (camera.world_from_camera.translation - Vec3::new(1.62, 0.0, 0.83)).length() < 1e-6
+        );
         let axis = camera.world_from_camera.rotation * Vec3::Z;
         assert!((axis - Vec3::new(-0.906, 0.0, -0.423)).length() < 1e-3, "{axis}");
         let right = camera.world_from_camera.rotation * Vec3::X;
-        assert!((right - Vec3::Y).length() < 1e-6, "facing the robot, its left is on the right: {right}");
+        assert!(
+            (right - Vec3::Y).length() < 1e-6,
+            "facing the robot, its left is on the right: {right}"
+        );
     }
 
     #[test]
@@ -285,21 +322,34 @@ mod tests {
             let flange = Pose3::from(robot.flange(&robot.start));
             for name in CAMERA_NAMES {
                 let camera = Camera::by_name(name, robot, &flange).expect("listed names are known");
-                let seen = if name == "wrist" { grip.translation } else { workspace_point(robot, Vec3::new(0.0, 0.0, 0.1)) };
+                let seen = if name == "wrist" {
+                    grip.translation
+                } else {
+                    workspace_point(robot, Vec3::new(0.0, 0.0, 0.1))
+                };
                 let (image, _) = camera.project(seen).expect("in front of the camera");
                 let size = IMAGE_SIZE as f32;
-                assert!(image.cmpgt(Vec2::ZERO).all() && image.cmplt(Vec2::splat(size)).all(), "{name}: {image}");
+                assert!(
+                    image.cmpgt(Vec2::ZERO).all() && image.cmplt(Vec2::splat(size)).all(),
+                    "{name}: {image}"
+                );
                 let down = camera.world_from_camera.rotation * Vec3::Y;
                 // The hand's camera looks almost straight down: away from the robot is up.
-                let down_reference = if name == "wrist" { Vec3::NEG_X } else { Vec3::new(-0.1, 0.0, -1.0) };
-                assert!(down.dot(down_reference) > 0.09, "{name} stands on its head: down is {down}");
+                let down_reference =
+                    if name == "wrist" { Vec3::NEG_X } else { Vec3::new(-0.1, 0.0, -1.0) };
+                assert!(
+                    down.dot(down_reference) > 0.09,
+                    "{name} stands on its head: down is {down}"
+                );
             }
         }
     }
 
     #[test]
     fn unknown_camera_names_the_known_ones() {
-        let message = Camera::by_name("rear", &PANDA, &Pose3::IDENTITY).expect_err("not built in").to_string();
+        let message = Camera::by_name("rear", &PANDA, &Pose3::IDENTITY)
+            .expect_err("not built in")
+            .to_string();
         assert!(message.contains("rear") && message.contains("overhead"), "{message}");
     }
 

@@ -1,6 +1,8 @@
 //! Voxel grids as replay stores them.
 
-use super::voxel::{OCCUPIED, VOXEL_CHANNELS, VoxelGrid, VoxelSpace, write_indices, write_occupied};
+use super::voxel::{
+    OCCUPIED, VOXEL_CHANNELS, VoxelGrid, VoxelSpace, write_indices, write_occupied,
+};
 use glamx::Vec3;
 use serde::{Deserialize, Serialize};
 
@@ -16,7 +18,8 @@ pub struct CompactVoxel {
     pub rgb: [u8; 3],
 }
 
-/// A voxel grid as replay stores it: the occupied voxels only, positions within 1/512 of a voxel, colours within 1/255.
+/// A voxel grid as replay stores it: the occupied voxels only, positions within 1/512 of a voxel,
+/// colours within 1/255.
 ///
 /// ```
 /// use lpr_core::glamx::Vec3;
@@ -49,14 +52,21 @@ impl CompactGrid {
     ///
     /// # Panics
     ///
-    /// When `features` does not have [`Self::n_features`] elements, or a stored voxel is not one of the space's.
+    /// When `features` does not have [`Self::n_features`] elements, or a stored voxel is not one of
+    /// the space's.
     pub fn expand_into(&self, features: &mut [f32]) {
         assert_eq!(features.len(), self.n_features(), "room for all channels of all voxels");
         features.fill(0.0);
         write_indices(&self.space, features);
         for voxel in &self.occupied {
             let color = Vec3::from_array(voxel.rgb.map(f32::from)) * (2.0 / 255.0) - Vec3::ONE;
-            write_occupied(features, self.space.n_voxels(), voxel.flat.into(), self.position(*voxel), color);
+            write_occupied(
+                features,
+                self.space.n_voxels(),
+                voxel.flat.into(),
+                self.position(*voxel),
+                color,
+            );
         }
     }
 
@@ -68,7 +78,8 @@ impl CompactGrid {
         VoxelGrid { space: self.space, features }
     }
 
-    /// One point per occupied voxel, its mean position and colour: what is left of the cloud to augment and voxelise again.
+    /// One point per occupied voxel, its mean position and colour: what is left of the cloud to
+    /// augment and voxelise again.
     pub fn colored_points(&self) -> impl Iterator<Item = (Vec3, [u8; 3])> + '_ {
         self.occupied.iter().map(|voxel| (self.position(*voxel), voxel.rgb))
     }
@@ -76,20 +87,31 @@ impl CompactGrid {
     fn position(&self, voxel: CompactVoxel) -> Vec3 {
         let corner = self.space.corner(self.space.voxel_from_flat(voxel.flat.into()));
         // The middle of what rounds down to the same offset, so never on a face of the voxel.
-        corner + self.space.voxel_size() * (Vec3::from_array(voxel.offset.map(f32::from)) + 0.5) / 256.0
+        corner
+            + self.space.voxel_size() * (Vec3::from_array(voxel.offset.map(f32::from)) + 0.5)
+                / 256.0
     }
 }
 
 impl From<&VoxelGrid> for CompactGrid {
     fn from(grid: &VoxelGrid) -> Self {
-        let at = |first: usize, flat: usize| Vec3::from_array([0, 1, 2].map(|axis| grid.channel(first + axis)[flat]));
+        let at = |first: usize, flat: usize| {
+            Vec3::from_array([0, 1, 2].map(|axis| grid.channel(first + axis)[flat]))
+        };
         let compact = |flat: usize| {
             let corner = grid.space.corner(grid.space.voxel_from_flat(flat));
             let offset = (at(0, flat) - corner) / grid.space.voxel_size();
             let color = 0.5 * (at(3, flat) + Vec3::ONE);
-            CompactVoxel { flat: flat as u16, offset: to_bytes(offset * 256.0), rgb: to_bytes(color * 255.0 + 0.5) }
+            CompactVoxel {
+                flat: flat as u16,
+                offset: to_bytes(offset * 256.0),
+                rgb: to_bytes(color * 255.0 + 0.5),
+            }
         };
-        let occupied = (0..grid.space.n_voxels()).filter(|&flat| grid.channel(OCCUPIED)[flat] > 0.0).map(compact).collect();
+        let occupied = (0..grid.space.n_voxels())
+            .filter(|&flat| grid.channel(OCCUPIED)[flat] > 0.0)
+            .map(compact)
+            .collect();
         Self { space: grid.space, occupied }
     }
 }

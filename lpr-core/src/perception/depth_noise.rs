@@ -1,4 +1,5 @@
-//! What a depth camera makes of the true depth: noise, missing returns, and pixels that hang between two surfaces.
+//! What a depth camera makes of the true depth: noise, missing returns, and pixels that hang
+//! between two surfaces.
 
 use super::{Camera, View};
 use crate::rng::{Rng, normal};
@@ -26,7 +27,8 @@ use rand::RngExt as _;
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct DepthNoise {
-    /// Standard deviation at a depth of 1 m, metres; it grows with the square of the depth, as the error of a disparity does.
+    /// Standard deviation at a depth of 1 m, metres; it grows with the square of the depth, as the
+    /// error of a disparity does.
     pub sigma_at_1m: f32,
     /// Cosine of the angle between ray and surface normal below which nothing returns.
     pub min_cosine: f32,
@@ -40,19 +42,27 @@ pub struct DepthNoise {
 
 impl DepthNoise {
     /// None at all: every depth stays as it is, bit by bit.
-    pub const OFF: Self = Self { sigma_at_1m: 0.0, min_cosine: 0.0, dropout: 0.0, edge_bleed: 0.0, edge_jump: 0.03 };
+    pub const OFF: Self =
+        Self { sigma_at_1m: 0.0, min_cosine: 0.0, dropout: 0.0, edge_bleed: 0.0, edge_jump: 0.03 };
 
     /// A structured-light camera.
     ///
-    /// 1.425 mm at 1 m are the random error that Khoshelham and Elberink (Sensors 12, 2012, pages 1437-1454) give for the first
-    /// Kinect: 1.425e-5 Z² with lengths in centimetres. The other numbers are our choice: nothing from 80° on, 1 % of the
-    /// pixels without a return, two of five pixels at an edge between both surfaces.
-    pub const STRUCTURED_LIGHT: Self =
-        Self { sigma_at_1m: 1.425e-3, min_cosine: 0.173_648, dropout: 0.01, edge_bleed: 0.4, edge_jump: 0.03 };
+    /// 1.425 mm at 1 m are the random error that Khoshelham and Elberink (Sensors 12, 2012, pages
+    /// 1437-1454) give for the first Kinect: 1.425e-5 Z² with lengths in centimetres. The other
+    /// numbers are our choice: nothing from 80° on, 1 % of the pixels without a return, two of five
+    /// pixels at an edge between both surfaces.
+    pub const STRUCTURED_LIGHT: Self = Self {
+        sigma_at_1m: 1.425e-3,
+        min_cosine: 0.173_648,
+        dropout: 0.01,
+        edge_bleed: 0.4,
+        edge_jump: 0.03,
+    };
 
     /// Makes the true depth image of `camera` (row by row, metres) one that is measured.
     ///
-    /// Every pixel takes the same number of draws whatever the settings are, so that changing one part moves no other.
+    /// Every pixel takes the same number of draws whatever the settings are, so that changing one
+    /// part moves no other.
     pub fn apply(&self, camera: &Camera, depth: &mut [f32], rng: &mut Rng) {
         let truth = depth.to_vec();
         let truth = Truth { camera, depth: &truth };
@@ -65,12 +75,16 @@ impl DepthNoise {
     }
 
     fn measured(&self, truth: &Truth<'_>, idx: usize, draws: &Draws) -> f32 {
-        if draws.dropout < self.dropout || truth.cosine(idx).is_some_and(|cosine| cosine < self.min_cosine) {
+        if draws.dropout < self.dropout
+            || truth.cosine(idx).is_some_and(|cosine| cosine < self.min_cosine)
+        {
             return View::NOTHING;
         }
         let near = truth.depth[idx];
         let mixed = match truth.behind(idx) {
-            Some(far) if far - near > self.edge_jump && draws.bleed < self.edge_bleed => near + draws.share * (far - near),
+            Some(far) if far - near > self.edge_jump && draws.bleed < self.edge_bleed => {
+                near + draws.share * (far - near)
+            }
             _ => near,
         };
         // No nearer than the camera sees, but for what the truth already is by a rounding.
@@ -89,7 +103,12 @@ struct Draws {
 
 impl Draws {
     fn new(rng: &mut Rng) -> Self {
-        Self { normal: normal(rng), dropout: rng.random(), bleed: rng.random(), share: rng.random() }
+        Self {
+            normal: normal(rng),
+            dropout: rng.random(),
+            bleed: rng.random(),
+            share: rng.random(),
+        }
     }
 }
 
@@ -104,7 +123,8 @@ impl Truth<'_> {
     fn neighbors(&self, idx: usize) -> [[Option<usize>; 2]; 2] {
         let (width, x) = (self.camera.width, idx % self.camera.width);
         let seen = |there: bool, neighbor: usize| {
-            (there && self.depth.get(neighbor).is_some_and(|depth| depth.is_finite())).then_some(neighbor)
+            (there && self.depth.get(neighbor).is_some_and(|depth| depth.is_finite()))
+                .then_some(neighbor)
         };
         [
             [seen(x > 0, idx.wrapping_sub(1)), seen(x + 1 < width, idx + 1)],
@@ -114,7 +134,12 @@ impl Truth<'_> {
 
     /// Depth of the farthest neighbour.
     fn behind(&self, idx: usize) -> Option<f32> {
-        self.neighbors(idx).into_iter().flatten().flatten().map(|neighbor| self.depth[neighbor]).reduce(f32::max)
+        self.neighbors(idx)
+            .into_iter()
+            .flatten()
+            .flatten()
+            .map(|neighbor| self.depth[neighbor])
+            .reduce(f32::max)
     }
 
     /// The point that a pixel sees, in the frame of the camera.
@@ -124,13 +149,15 @@ impl Truth<'_> {
         Vec3::new((x - cx) / fx, (y - cy) / fy, 1.0) * self.depth[idx]
     }
 
-    /// Cosine of the angle between the ray of a pixel and the surface there; `None` where neighbours are missing.
+    /// Cosine of the angle between the ray of a pixel and the surface there; `None` where
+    /// neighbours are missing.
     fn cosine(&self, idx: usize) -> Option<f32> {
         // The neighbour that is nearer in depth: the other one may be beyond an edge.
         let jump = |neighbor: usize| (self.depth[neighbor] - self.depth[idx]).abs();
         let point = self.point(idx);
         let [along_row, along_column] = self.neighbors(idx).map(|pair| {
-            let nearest = pair.into_iter().flatten().min_by(|&a, &b| jump(a).total_cmp(&jump(b)))?;
+            let nearest =
+                pair.into_iter().flatten().min_by(|&a, &b| jump(a).total_cmp(&jump(b)))?;
             Some(self.point(nearest) - point)
         });
         let normal = along_row?.cross(along_column?).try_normalize()?;
@@ -162,14 +189,18 @@ mod tests {
     /// The left half near, the right half far.
     fn step(near: f32, far: f32) -> Vec<f32> {
         let camera = camera();
-        (0..camera.n_pixels()).map(|idx| if idx % camera.width < camera.width / 2 { near } else { far }).collect()
+        (0..camera.n_pixels())
+            .map(|idx| if idx % camera.width < camera.width / 2 { near } else { far })
+            .collect()
     }
 
     /// A floor 0.5 m below the optical axis.
     fn floor() -> Vec<f32> {
         let camera = camera();
         let depth = |idx: usize| 0.5 * camera.fy / ((idx / camera.width) as f32 + 0.5 - camera.cy);
-        (0..camera.n_pixels()).map(|idx| if depth(idx) > 0.0 { depth(idx) } else { View::NOTHING }).collect()
+        (0..camera.n_pixels())
+            .map(|idx| if depth(idx) > 0.0 { depth(idx) } else { View::NOTHING })
+            .collect()
     }
 
     #[test]
@@ -181,9 +212,11 @@ mod tests {
 
     #[test]
     fn sigma_grows_with_the_square_of_the_depth() {
-        let noise = DepthNoise { sigma_at_1m: DepthNoise::STRUCTURED_LIGHT.sigma_at_1m, ..DepthNoise::OFF };
+        let noise =
+            DepthNoise { sigma_at_1m: DepthNoise::STRUCTURED_LIGHT.sigma_at_1m, ..DepthNoise::OFF };
         let sigma = |depth: f32| {
-            let errors = measured(&noise, &wall(depth), 3).into_iter().map(|z| f64::from(z - depth));
+            let errors =
+                measured(&noise, &wall(depth), 3).into_iter().map(|z| f64::from(z - depth));
             (errors.map(|error| error * error).sum::<f64>() / camera().n_pixels() as f64).sqrt()
         };
         // Of 16384 draws: the standard error of each is 0.55 %.
@@ -197,7 +230,11 @@ mod tests {
         for truth in [wall(1.0), step(0.8, 1.5), floor()] {
             let whole = measured(&noise, &truth, 4);
             let holed = measured(&DepthNoise::STRUCTURED_LIGHT, &truth, 4);
-            let holes = whole.iter().zip(&holed).filter(|(whole, holed)| whole != holed).map(|(_, holed)| *holed);
+            let holes = whole
+                .iter()
+                .zip(&holed)
+                .filter(|(whole, holed)| whole != holed)
+                .map(|(_, holed)| *holed);
             let holes: Vec<_> = holes.collect();
             assert!(!holes.is_empty() && holes.iter().all(|&depth| depth == View::NOTHING));
         }
@@ -206,7 +243,8 @@ mod tests {
     #[test]
     fn the_share_of_missing_returns_is_that_of_the_setting() {
         let noise = DepthNoise { dropout: 0.1, ..DepthNoise::OFF };
-        let n_holes = measured(&noise, &wall(1.0), 5).iter().filter(|depth| depth.is_infinite()).count();
+        let n_holes =
+            measured(&noise, &wall(1.0), 5).iter().filter(|depth| depth.is_infinite()).count();
         // Three standard deviations of a binomial: 115.
         assert!(n_holes.abs_diff(1638) < 115, "{n_holes}");
     }
@@ -215,8 +253,15 @@ mod tests {
     fn a_floor_is_missing_from_where_rays_graze_it() {
         let noise = DepthNoise { min_cosine: 0.1, ..DepthNoise::OFF };
         let (camera, truth) = (camera(), floor());
-        for (idx, depth) in measured(&noise, &truth, 6).into_iter().enumerate().filter(|(idx, _)| truth[*idx].is_finite()) {
-            let (x, y) = ((idx % camera.width) as f32 + 0.5 - camera.cx, (idx / camera.width) as f32 + 0.5 - camera.cy);
+        for (idx, depth) in measured(&noise, &truth, 6)
+            .into_iter()
+            .enumerate()
+            .filter(|(idx, _)| truth[*idx].is_finite())
+        {
+            let (x, y) = (
+                (idx % camera.width) as f32 + 0.5 - camera.cx,
+                (idx / camera.width) as f32 + 0.5 - camera.cy,
+            );
             let down = y / camera.fy;
             let cosine = down / (1.0 + down * down + (x / camera.fx).powi(2)).sqrt();
             if (cosine - 0.1).abs() > 1e-3 {
@@ -229,7 +274,8 @@ mod tests {
     fn flying_pixels_are_in_front_of_an_edge_and_between_its_surfaces() {
         let noise = DepthNoise { edge_bleed: 1.0, ..DepthNoise::OFF };
         let (camera, truth) = (camera(), step(0.8, 1.5));
-        for (idx, (depth, truth)) in measured(&noise, &truth, 7).into_iter().zip(&truth).enumerate() {
+        for (idx, (depth, truth)) in measured(&noise, &truth, 7).into_iter().zip(&truth).enumerate()
+        {
             let is_at_edge = idx % camera.width == camera.width / 2 - 1;
             assert_eq!(depth != *truth, is_at_edge, "pixel {idx}");
             assert!((0.8..=1.5).contains(&depth));

@@ -11,13 +11,15 @@ pub const LOW_DIM: usize = 11;
 
 /// Opening above which the gripper counts as open, as a fraction of its full width (`RLBench`).
 const OPEN_FRACTION: f32 = 0.9;
-/// Limit to which finger positions are clipped in [`Proprio::low_dim`], metres (`RLBench`; the Panda's stroke).
+/// Limit to which finger positions are clipped in [`Proprio::low_dim`], metres (`RLBench`; the
+/// Panda's stroke).
 const MAX_FINGER_POSITION: f32 = 0.04;
 
-/// The image of one camera, row by row from the top left; every buffer has `camera.n_pixels()` elements.
+/// The image of one camera, row by row from the top left; every buffer has `camera.n_pixels()`
+/// elements.
 ///
-/// A pixel that sees nothing between the near and far plane has depth [`View::NOTHING`] and the point `Vec3::INFINITY`; no buffer
-/// ever holds NaN.
+/// A pixel that sees nothing between the near and far plane has depth [`View::NOTHING`] and the
+/// point `Vec3::INFINITY`; no buffer ever holds NaN.
 ///
 /// ```
 /// use lpr_core::glamx::Vec3;
@@ -48,12 +50,21 @@ impl View {
     #[must_use]
     pub fn empty(camera: Camera) -> Self {
         let n = camera.n_pixels();
-        Self { camera, rgb: vec![[0; 3]; n], depth: vec![Self::NOTHING; n], points: vec![Vec3::INFINITY; n] }
+        Self {
+            camera,
+            rgb: vec![[0; 3]; n],
+            depth: vec![Self::NOTHING; n],
+            points: vec![Vec3::INFINITY; n],
+        }
     }
 
     /// The points that pixels see, with their colours, in the order of the pixels.
     pub fn colored_points(&self) -> impl Iterator<Item = (Vec3, [u8; 3])> + '_ {
-        self.points.iter().zip(&self.rgb).filter(|(point, _)| point.is_finite()).map(|(&point, &rgb)| (point, rgb))
+        self.points
+            .iter()
+            .zip(&self.rgb)
+            .filter(|(point, _)| point.is_finite())
+            .map(|(&point, &rgb)| (point, rgb))
     }
 }
 
@@ -99,15 +110,18 @@ impl Proprio {
         f32::from(u8::from(gripper_width > OPEN_FRACTION * max_width))
     }
 
-    /// The network's input: gripper open (1), grip position (3) and quaternion xyzw (4), finger positions (2), time (1).
+    /// The network's input: gripper open (1), grip position (3) and quaternion xyzw (4), finger
+    /// positions (2), time (1).
     ///
-    /// Joint angles are not in it, as in `RLBench`. Of the two quaternions of an orientation it holds the one with x >= 0, not
-    /// w >= 0: a gripper that points straight down has w = 0, where the sign would flip with the last bit.
+    /// Joint angles are not in it, as in `RLBench`. Of the two quaternions of an orientation it
+    /// holds the one with x >= 0, not w >= 0: a gripper that points straight down has w = 0, where
+    /// the sign would flip with the last bit.
     #[must_use]
     pub fn low_dim(&self) -> [f32; LOW_DIM] {
         let position = self.grip.translation;
         let rotation = positive_x(self.grip.rotation);
-        let [left, right] = self.finger_positions.map(|finger| finger.clamp(0.0, MAX_FINGER_POSITION));
+        let [left, right] =
+            self.finger_positions.map(|finger| finger.clamp(0.0, MAX_FINGER_POSITION));
         [
             self.gripper_open,
             position.x,
@@ -124,7 +138,8 @@ impl Proprio {
     }
 }
 
-/// The time feature of macro step `step` (from 0): +1 at the first to -1 at the last step of an episode.
+/// The time feature of macro step `step` (from 0): +1 at the first to -1 at the last step of an
+/// episode.
 #[must_use]
 pub fn time_feature(step: usize, episode_length: usize) -> f32 {
     if episode_length < 2 {
@@ -165,7 +180,10 @@ mod tests {
             gripper_width: 0.08,
             gripper_open: 1.0,
             finger_positions: [0.0425, 0.01],
-            grip: Pose3::from_parts(Vec3::new(0.4, -0.1, 0.3), Quat::from_xyzw(-1.0, 0.0, 0.0, 0.0)),
+            grip: Pose3::from_parts(
+                Vec3::new(0.4, -0.1, 0.3),
+                Quat::from_xyzw(-1.0, 0.0, 0.0, 0.0),
+            ),
             time: 0.5,
         }
     }

@@ -1,6 +1,8 @@
-//! Voxel grids: what Q-attention sees of a coloured point cloud at one depth (section III-B of the paper).
+//! Voxel grids: what Q-attention sees of a coloured point cloud at one depth (section III-B of the
+//! paper).
 //!
-//! Arrays over voxels are in the order z, y, x (x runs fastest); the functions of [`VoxelSpace`] are the only ones that know it.
+//! Arrays over voxels are in the order z, y, x (x runs fastest); the functions of [`VoxelSpace`]
+//! are the only ones that know it.
 //!
 //! # Differences from the released code
 //!
@@ -11,10 +13,12 @@ use crate::robot::Robot;
 use glamx::Vec3;
 use serde::{Deserialize, Serialize};
 
-/// Channels of a grid: mean position (3, metres), mean colour (3, -1 to 1), index over count (3), occupied (1).
+/// Channels of a grid: mean position (3, metres), mean colour (3, -1 to 1), index over count (3),
+/// occupied (1).
 pub const VOXEL_CHANNELS: usize = 10;
 
-/// Sides of the box that is voxelised at the first depth, metres (the released code's scene bounds).
+/// Sides of the box that is voxelised at the first depth, metres (the released code's scene
+/// bounds).
 const SCENE_SIDE: f32 = 1.0;
 /// Lower corner of that box from the workspace's centre, metres.
 const SCENE_CORNER: Vec3 = Vec3::new(-0.55, -0.5, -0.15);
@@ -33,10 +37,14 @@ impl VoxelBounds {
     /// The box of the first depth for `robot`: one metre a side around its workspace.
     #[must_use]
     pub fn scene(robot: &Robot) -> Self {
-        Self { min: robot.workspace_center.extend(0.0) + SCENE_CORNER, size: Vec3::splat(SCENE_SIDE) }
+        Self {
+            min: robot.workspace_center.extend(0.0) + SCENE_CORNER,
+            size: Vec3::splat(SCENE_SIDE),
+        }
     }
 
-    /// The cube of all points within `half_width` (metres) of `center` along every axis: the box of a later depth.
+    /// The cube of all points within `half_width` (metres) of `center` along every axis: the box of
+    /// a later depth.
     #[must_use]
     pub fn cube(center: Vec3, half_width: f32) -> Self {
         Self { min: center - Vec3::splat(half_width), size: Vec3::splat(2.0 * half_width) }
@@ -94,17 +102,28 @@ impl VoxelSpace {
     ///
     /// # Errors
     ///
-    /// When the box has no volume or there are no voxels, or more than 65536 of them (the limit of [`super::CompactGrid`]).
+    /// When the box has no volume or there are no voxels, or more than 65536 of them (the limit of
+    /// [`super::CompactGrid`]).
     pub fn new(bounds: VoxelBounds, voxels_per_side: [usize; 3]) -> Result<Self> {
         let n_voxels = voxels_per_side.iter().try_fold(1_usize, |n, count| n.checked_mul(*count));
         if !n_voxels.is_some_and(|n| (1..=MAX_VOXELS).contains(&n)) {
-            return Err(Error::Config(format!("1 to {MAX_VOXELS} voxels, got {voxels_per_side:?}")));
+            return Err(Error::Config(format!(
+                "1 to {MAX_VOXELS} voxels, got {voxels_per_side:?}"
+            )));
         }
-        if !(bounds.min.is_finite() && bounds.size.is_finite() && bounds.size.cmpgt(Vec3::ZERO).all()) {
+        if !(bounds.min.is_finite()
+            && bounds.size.is_finite()
+            && bounds.size.cmpgt(Vec3::ZERO).all())
+        {
             return Err(Error::Config(format!("voxel bounds with a volume, got {bounds:?}")));
         }
         let counts = Vec3::from_array(voxels_per_side.map(|count| count as f32));
-        Ok(Self { bounds, counts: voxels_per_side, side: bounds.size / counts, per_metre: counts / bounds.size })
+        Ok(Self {
+            bounds,
+            counts: voxels_per_side,
+            side: bounds.size / counts,
+            per_metre: counts / bounds.size,
+        })
     }
 
     /// The box.
@@ -135,7 +154,8 @@ impl VoxelSpace {
     #[must_use]
     pub fn voxel_from_point(&self, point: Vec3) -> Option<VoxelIndex> {
         let scaled = self.scaled(point).to_array();
-        let is_inside = |axis: usize| scaled[axis] >= 0.0 && scaled[axis] < self.counts[axis] as f32;
+        let is_inside =
+            |axis: usize| scaled[axis] >= 0.0 && scaled[axis] < self.counts[axis] as f32;
         let [x, y, z] = scaled.map(|value| value as i32 as usize);
         (is_inside(0) && is_inside(1) && is_inside(2)).then_some(VoxelIndex { x, y, z })
     }
@@ -164,7 +184,11 @@ impl VoxelSpace {
     #[must_use]
     pub fn flat_from_voxel(&self, voxel: VoxelIndex) -> usize {
         let [nx, ny, nz] = self.counts;
-        debug_assert!(voxel.x < nx && voxel.y < ny && voxel.z < nz, "{voxel:?} of {:?}", self.counts);
+        debug_assert!(
+            voxel.x < nx && voxel.y < ny && voxel.z < nz,
+            "{voxel:?} of {:?}",
+            self.counts
+        );
         (voxel.z * ny + voxel.y) * nx + voxel.x
     }
 
@@ -208,7 +232,8 @@ pub struct VoxelGrid {
 }
 
 impl VoxelGrid {
-    /// The mean position and colour of the points in each voxel; points outside the box are dropped.
+    /// The mean position and colour of the points in each voxel; points outside the box are
+    /// dropped.
     #[must_use]
     pub fn voxelise(points: impl IntoIterator<Item = (Vec3, [u8; 3])>, space: VoxelSpace) -> Self {
         let mut sums = vec![Sum::default(); space.n_voxels()];
@@ -279,13 +304,21 @@ pub(super) fn write_indices(space: &VoxelSpace, features: &mut [f32]) {
     let [nx, ny, nz] = space.voxels_per_side().map(|count| count as f32);
     for flat in 0..n {
         let VoxelIndex { x, y, z } = space.voxel_from_flat(flat);
-        for (channel, fraction) in [x as f32 / nx, y as f32 / ny, z as f32 / nz].into_iter().enumerate() {
+        for (channel, fraction) in
+            [x as f32 / nx, y as f32 / ny, z as f32 / nz].into_iter().enumerate()
+        {
             features[(INDEX + channel) * n + flat] = fraction;
         }
     }
 }
 
-pub(super) fn write_occupied(features: &mut [f32], n_voxels: usize, flat: usize, position: Vec3, color: Vec3) {
+pub(super) fn write_occupied(
+    features: &mut [f32],
+    n_voxels: usize,
+    flat: usize,
+    position: Vec3,
+    color: Vec3,
+) {
     let values = position.to_array().into_iter().chain(color.to_array());
     for (channel, value) in values.enumerate() {
         features[channel * n_voxels + flat] = value;
@@ -301,14 +334,18 @@ pub(super) mod tests {
 
     /// A space that is no cube.
     pub(in crate::perception) fn space() -> VoxelSpace {
-        let bounds = VoxelBounds { min: Vec3::new(-0.2, 0.1, -0.3), size: Vec3::new(0.4, 0.9, 1.6) };
+        let bounds =
+            VoxelBounds { min: Vec3::new(-0.2, 0.1, -0.3), size: Vec3::new(0.4, 0.9, 1.6) };
         VoxelSpace::new(bounds, [4, 6, 8]).expect("a proper space")
     }
 
     /// Points inside and outside of it.
     pub(in crate::perception) fn cloud() -> impl Strategy<Value = Vec<(Vec3, [u8; 3])>> {
         let point = (-0.3f32..0.3, 0.0f32..1.1, -0.4f32..1.4, any::<[u8; 3]>());
-        proptest::collection::vec(point.prop_map(|(x, y, z, rgb)| (Vec3::new(x, y, z), rgb)), 0..300)
+        proptest::collection::vec(
+            point.prop_map(|(x, y, z, rgb)| (Vec3::new(x, y, z), rgb)),
+            0..300,
+        )
     }
 
     #[test]
@@ -342,7 +379,13 @@ pub(super) mod tests {
     fn points_outside_or_that_are_no_numbers_have_no_voxel() {
         let space = space();
         let max = space.bounds().max();
-        for point in [Vec3::INFINITY, Vec3::NAN, max, space.bounds().min - Vec3::X * 1e-6, Vec3::new(0.0, 5.0, 0.0)] {
+        for point in [
+            Vec3::INFINITY,
+            Vec3::NAN,
+            max,
+            space.bounds().min - Vec3::X * 1e-6,
+            Vec3::new(0.0, 5.0, 0.0),
+        ] {
             assert_eq!(space.voxel_from_point(point), None, "{point}");
         }
         assert_eq!(space.nearest_voxel(max), VoxelIndex { x: 3, y: 5, z: 7 });
@@ -354,7 +397,8 @@ pub(super) mod tests {
     fn a_voxel_holds_means_index_and_occupancy() {
         let bounds = VoxelBounds::cube(Vec3::ZERO, 1.0);
         let space = VoxelSpace::new(bounds, [2, 4, 8]).expect("a proper space");
-        let points = [(Vec3::new(0.1, 0.2, 0.1), [255, 0, 0]), (Vec3::new(0.3, 0.4, 0.1), [0, 0, 255])];
+        let points =
+            [(Vec3::new(0.1, 0.2, 0.1), [255, 0, 0]), (Vec3::new(0.3, 0.4, 0.1), [0, 0, 255])];
         let grid = VoxelGrid::voxelise(points, space);
         let voxel = VoxelIndex { x: 1, y: 2, z: 4 };
         let flat = space.flat_from_voxel(voxel);
@@ -365,7 +409,8 @@ pub(super) mod tests {
         assert!(grid.is_occupied(voxel));
         assert_eq!(grid.channel(OCCUPIED).iter().sum::<f32>(), 1.0);
         let empty = space.flat_from_voxel(VoxelIndex { x: 0, y: 3, z: 6 });
-        let values: Vec<_> = (0..VOXEL_CHANNELS).map(|channel| grid.channel(channel)[empty]).collect();
+        let values: Vec<_> =
+            (0..VOXEL_CHANNELS).map(|channel| grid.channel(channel)[empty]).collect();
         assert_eq!(values, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.75, 0.75, 0.0]);
     }
 

@@ -1,19 +1,21 @@
 //! The discrete action: what Q-attention chooses among, and the pose it stands for.
 //!
-//! A translation is one voxel per depth, each in the cube around the one before. A rotation is three bins of extrinsic x-y-z
-//! Euler angles (roll about the world's x first, then pitch about y, then yaw about z), `rotation_bins` of them around the circle.
+//! A translation is one voxel per depth, each in the cube around the one before. A rotation is
+//! three bins of extrinsic x-y-z Euler angles (roll about the world's x first, then pitch about y,
+//! then yaw about z), `rotation_bins` of them around the circle.
 //!
 //! # Singularity
 //!
-//! At a pitch of ±90° (the grip's x axis vertical) roll and yaw turn about the same line. [`RotationCodec::encode`] then puts
-//! the whole turn into yaw, so that one orientation has one label; near that pitch, labels of neighbouring orientations can still
-//! be far apart, though each decodes to the right orientation. A grip that points down or along the table with its x axis level
-//! is far from it.
+//! At a pitch of ±90° (the grip's x axis vertical) roll and yaw turn about the same line.
+//! [`RotationCodec::encode`] then puts the whole turn into yaw, so that one orientation has one
+//! label; near that pitch, labels of neighbouring orientations can still be far apart, though each
+//! decodes to the right orientation. A grip that points down or along the table with its x axis
+//! level is far from it.
 //!
 //! # Symmetry
 //!
-//! Turning a two-finger gripper by 180° about its approach changes nothing. [`canonical_grasp`] picks one of the two, so that
-//! equal grasps have equal labels.
+//! Turning a two-finger gripper by 180° about its approach changes nothing. [`canonical_grasp`]
+//! picks one of the two, so that equal grasps have equal labels.
 
 use super::NextBestPose;
 use super::QAttentionSettings;
@@ -59,7 +61,8 @@ impl ActionCodec {
         })
     }
 
-    /// The action whose voxels hold `goal` at every depth, or none when `goal` lies outside the bounds.
+    /// The action whose voxels hold `goal` at every depth, or none when `goal` lies outside the
+    /// bounds.
     ///
     /// Never clamped: a clamped label would be a wrong one.
     #[must_use]
@@ -72,7 +75,11 @@ impl ActionCodec {
             let Some(next) = self.zoom(voxels.len(), space.point_from_voxel(voxel)) else { break };
             space = next;
         }
-        Some(DiscreteAction { voxels, rotation: self.rotation.encode(goal.pose.rotation), gripper: goal.gripper })
+        Some(DiscreteAction {
+            voxels,
+            rotation: self.rotation.encode(goal.pose.rotation),
+            gripper: goal.gripper,
+        })
     }
 
     /// The pose that an action stands for: the centre of its last voxel and of its rotation bins.
@@ -83,9 +90,12 @@ impl ActionCodec {
     #[must_use]
     pub fn decode(&self, action: &DiscreteAction) -> NextBestPose {
         assert_eq!(action.voxels.len(), self.n_depths(), "one voxel per depth");
-        let translation = action.voxels.iter().enumerate().fold(Vec3::ZERO, |center, (depth_idx, &voxel)| {
-            self.zoom(depth_idx, center).expect("there is a space for each depth").point_from_voxel(voxel)
-        });
+        let translation =
+            action.voxels.iter().enumerate().fold(Vec3::ZERO, |center, (depth_idx, &voxel)| {
+                self.zoom(depth_idx, center)
+                    .expect("there is a space for each depth")
+                    .point_from_voxel(voxel)
+            });
         let pose = Pose3::from_parts(translation, self.rotation.decode(action.rotation));
         NextBestPose { pose, gripper: action.gripper }
     }
@@ -108,14 +118,16 @@ impl ActionCodec {
         &self.scene
     }
 
-    /// What depth `depth_idx` sees when the depth before attends to `center`; none when there is no such depth.
+    /// What depth `depth_idx` sees when the depth before attends to `center`; none when there is no
+    /// such depth.
     #[must_use]
     pub fn zoom(&self, depth_idx: usize, center: Vec3) -> Option<VoxelSpace> {
         if depth_idx == 0 {
             return Some(self.scene);
         }
         let half_width = *self.zoom_half_widths.get(depth_idx - 1)?;
-        let space = VoxelSpace::new(VoxelBounds::cube(center, half_width), self.scene.voxels_per_side());
+        let space =
+            VoxelSpace::new(VoxelBounds::cube(center, half_width), self.scene.voxels_per_side());
         Some(space.expect("half widths are positive and counts those of the scene"))
     }
 }
@@ -141,8 +153,8 @@ pub struct RotationCodec {
 impl RotationCodec {
     /// The bins of roll, pitch and yaw; pitch always within ±90°.
     ///
-    /// Decoding them gives an orientation within one and a half bins (7.5° with 72 bins): at most half a bin a rotation, and
-    /// `R = Rz Ry Rx` adds up no more than the three.
+    /// Decoding them gives an orientation within one and a half bins (7.5° with 72 bins): at most
+    /// half a bin a rotation, and `R = Rz Ry Rx` adds up no more than the three.
     #[must_use]
     pub fn encode(self, rotation: Quat) -> [usize; 3] {
         let m = Mat3::from_quat(rotation.normalize());
@@ -160,7 +172,9 @@ impl RotationCodec {
     #[must_use]
     pub fn decode(self, bins: [usize; 3]) -> Quat {
         let [roll, pitch, yaw] = bins.map(|bin| self.angle(bin));
-        canonical(Quat::from_rotation_z(yaw) * Quat::from_rotation_y(pitch) * Quat::from_rotation_x(roll))
+        canonical(
+            Quat::from_rotation_z(yaw) * Quat::from_rotation_y(pitch) * Quat::from_rotation_x(roll),
+        )
     }
 
     /// Centre of a bin, radians in -π..π.
@@ -183,13 +197,15 @@ pub fn canonical(rotation: Quat) -> Quat {
     if rotation.w < 0.0 { -rotation } else { rotation }
 }
 
-/// Orientation that [`canonical_grasp`] stays near: pointing down, turned by 20° about the vertical, as a quaternion xyzw.
+/// Orientation that [`canonical_grasp`] stays near: pointing down, turned by 20° about the
+/// vertical, as a quaternion xyzw.
 ///
-/// Pointing down is how both arms start; 20° keep the place where the choice flips, 90° away from it, off the level and upright
-/// orientations that tasks are made of.
+/// Pointing down is how both arms start; 20° keep the place where the choice flips, 90° away from
+/// it, off the level and upright orientations that tasks are made of.
 const REFERENCE_GRASP: Quat = Quat::from_xyzw(0.984_807_7, 0.173_648_18, 0.0, 0.0);
 
-/// Of the two grip poses that grasp the same, 180° about the approach apart, the one nearer to the start orientation.
+/// Of the two grip poses that grasp the same, 180° about the approach apart, the one nearer to the
+/// start orientation.
 ///
 /// ```
 /// use lpr_core::glamx::{Pose3, Quat};
@@ -204,11 +220,13 @@ pub fn canonical_grasp(pose: Pose3) -> Pose3 {
     nearest_grasp(pose, REFERENCE_GRASP)
 }
 
-/// Of the two grip poses that grasp the same, 180° about the approach apart, the one whose orientation is nearer to `reference`.
+/// Of the two grip poses that grasp the same, 180° about the approach apart, the one whose
+/// orientation is nearer to `reference`.
 #[must_use]
 pub fn nearest_grasp(pose: Pose3, reference: Quat) -> Pose3 {
     let reference_from_grip = reference.inverse() * pose.rotation;
-    // Turning by 180° about z swaps w and z: the angle to the reference is the smaller the larger |w| is.
+    // Turning by 180° about z swaps w and z: the angle to the reference is the smaller the larger
+    // |w| is.
     let turn = if reference_from_grip.w.abs() < reference_from_grip.z.abs() {
         Quat::from_xyzw(0.0, 0.0, 1.0, 0.0)
     } else {
@@ -224,7 +242,11 @@ mod tests {
     use crate::robot::PANDA;
     use proptest::prelude::{Strategy, any, prop_assert, prop_assert_eq, proptest};
 
-    fn codec(voxels_per_side: usize, rotation_bins: usize, zoom_half_widths: &[f32]) -> ActionCodec {
+    fn codec(
+        voxels_per_side: usize,
+        rotation_bins: usize,
+        zoom_half_widths: &[f32],
+    ) -> ActionCodec {
         let zoom_half_widths = zoom_half_widths.to_vec();
         let translation_regularisation = vec![1.0; zoom_half_widths.len() + 1];
         let settings = QAttentionSettings {
@@ -245,9 +267,11 @@ mod tests {
 
     fn goals() -> impl Strategy<Value = NextBestPose> {
         let positions = [-0.029_f32..0.969, -0.499..0.499, -0.149..0.849];
-        (positions, rotations(), any::<bool>()).prop_map(|(position, rotation, open)| NextBestPose {
-            pose: Pose3::from_parts(Vec3::from_array(position), rotation),
-            gripper: if open { Gripper::Open } else { Gripper::Close },
+        (positions, rotations(), any::<bool>()).prop_map(|(position, rotation, open)| {
+            NextBestPose {
+                pose: Pose3::from_parts(Vec3::from_array(position), rotation),
+                gripper: if open { Gripper::Open } else { Gripper::Close },
+            }
         })
     }
 
@@ -308,8 +332,14 @@ mod tests {
             for roll in 0..n_bins {
                 for pitch in quarter + 1..3 * quarter {
                     for yaw in [0, 1, quarter, n_bins - 1] {
-                        assert_eq!(codec.encode(codec.decode([roll, pitch, yaw])), [roll, pitch, yaw]);
-                        assert_eq!(codec.encode(codec.decode([yaw, pitch, roll])), [yaw, pitch, roll]);
+                        assert_eq!(
+                            codec.encode(codec.decode([roll, pitch, yaw])),
+                            [roll, pitch, yaw]
+                        );
+                        assert_eq!(
+                            codec.encode(codec.decode([yaw, pitch, roll])),
+                            [yaw, pitch, roll]
+                        );
                     }
                 }
             }
@@ -324,7 +354,10 @@ mod tests {
                 let rotation = codec.decode([roll, pitch, 31]);
                 let again = codec.encode(rotation);
                 assert!((18..=54).contains(&again[1]));
-                assert!(angle_between(codec.decode(again), rotation) < 1e-3, "{roll} {pitch} became {again:?}");
+                assert!(
+                    angle_between(codec.decode(again), rotation) < 1e-3,
+                    "{roll} {pitch} became {again:?}"
+                );
             }
         }
     }
@@ -344,7 +377,11 @@ mod tests {
         let far = VoxelIndex { x: 2, y: 0, z: 7 };
         let cube = codec.zoom(1, codec.scene().point_from_voxel(far)).expect("two depths");
         for near in (0..512).map(|flat| cube.voxel_from_flat(flat)) {
-            let action = DiscreteAction { voxels: vec![far, near], rotation: [0, 36, 7], gripper: Gripper::Close };
+            let action = DiscreteAction {
+                voxels: vec![far, near],
+                rotation: [0, 36, 7],
+                gripper: Gripper::Close,
+            };
             let center = codec.decode(&action).pose.translation;
             assert_eq!(cube.voxel_from_point(center), Some(near));
         }

@@ -1,14 +1,21 @@
-//! The agent: one online and one target network per depth, acting from the coarse grid to the fine one, learning by updates.
+//! The agent: one online and one target network per depth, acting from the coarse grid to the fine
+//! one, learning by updates.
 
 use super::batch::{Augmented, QSample};
 use super::loss::{Choices, LossWeights, Rows, chosen_values, depth_loss, td_target};
 use super::network::{Heads, NetworkCost, NetworkInput, QNetwork, QValues};
-use super::{ActionCodec, DiscreteAction, NetworkSettings, NextBestPose, QAttentionSettings, QObservation, nearest_grasp};
+use super::{
+    ActionCodec, DiscreteAction, NetworkSettings, NextBestPose, QAttentionSettings, QObservation,
+    nearest_grasp,
+};
 use crate::error::{Error, Result};
 use crate::nn::{
-    Adam, AdamSettings, AdamState, Backend, GradientClip, NamedTensor, export, import, mix, tensor, values as floats,
+    Adam, AdamSettings, AdamState, Backend, GradientClip, NamedTensor, export, import, mix, tensor,
+    values as floats,
 };
-use crate::perception::{LOW_DIM, Proprio, VOXEL_CHANNELS, VoxelBounds, VoxelGrid, VoxelIndex, VoxelSpace};
+use crate::perception::{
+    LOW_DIM, Proprio, VOXEL_CHANNELS, VoxelBounds, VoxelGrid, VoxelIndex, VoxelSpace,
+};
 use crate::rng::Rng;
 use crate::robot::Gripper;
 
@@ -127,15 +134,22 @@ impl QAttention {
     /// # Errors
     ///
     /// When the settings do not fit together, or `bounds` has no volume.
-    pub fn new(settings: QAttentionSettings, bounds: VoxelBounds, backend: Backend, rng: &mut Rng) -> Result<Self> {
+    pub fn new(
+        settings: QAttentionSettings,
+        bounds: VoxelBounds,
+        backend: Backend,
+        rng: &mut Rng,
+    ) -> Result<Self> {
         let codec = ActionCodec::new(&settings, bounds)?;
         let device = backend.device();
         let clip = settings.gradient_clip.map_or(GradientClip::None, GradientClip::Value);
-        let adam = AdamSettings { learning_rate: settings.learning_rate, l2: settings.weight_decay, clip };
+        let adam =
+            AdamSettings { learning_rate: settings.learning_rate, l2: settings.weight_decay, clip };
         let n_depths = codec.n_depths();
         let depths = (0..n_depths)
             .map(|depth_idx| {
-                let heads = if depth_idx + 1 == n_depths { Heads::Pose } else { Heads::Translation };
+                let heads =
+                    if depth_idx + 1 == n_depths { Heads::Pose } else { Heads::Translation };
                 let online = QNetwork::new(&settings, heads, &device, rng);
                 Depth { target: online.clone(), adam: Adam::new(adam, &online), online }
             })
@@ -155,8 +169,8 @@ impl QAttention {
         self.depths.iter().map(|depth| depth.online.cost()).collect()
     }
 
-    /// The best next pose for an observation: at every depth the voxel of highest value, at the last depth also the best
-    /// rotation bins and gripper command.
+    /// The best next pose for an observation: at every depth the voxel of highest value, at the
+    /// last depth also the best rotation bins and gripper command.
     #[must_use]
     pub fn act(&self, observation: &QObservation, weights: Weights) -> QDecision {
         let mut depths = Vec::with_capacity(self.depths.len());
@@ -164,7 +178,8 @@ impl QAttention {
         let mut center = Vec3::ZERO;
         let mut last = None;
         for (depth_idx, depth) in self.depths.iter().enumerate() {
-            let space = self.codec.zoom(depth_idx, center).expect("there is a space for each depth");
+            let space =
+                self.codec.zoom(depth_idx, center).expect("there is a space for each depth");
             let grid = VoxelGrid::voxelise(observation.colored_points(), space);
             let values = depth.network(weights).forward(network_input(
                 &[&grid],
@@ -202,7 +217,9 @@ impl QAttention {
     pub fn restore(&mut self, state: &QAttentionState) -> Result<()> {
         if state.depths.len() != self.depths.len() {
             let (expected, found) = (self.depths.len(), state.depths.len());
-            return Err(Error::Checkpoint(format!("Q-attention: expected {expected} depths, found {found}")));
+            return Err(Error::Checkpoint(format!(
+                "Q-attention: expected {expected} depths, found {found}"
+            )));
         }
         let restored = self.depths.iter().zip(&state.depths).map(|(depth, state)| {
             let mut adam = depth.adam.clone();
@@ -225,7 +242,8 @@ impl QAttention {
     ) -> QDecision {
         let value = floats(chosen_values(&values, best).mean())[0];
         let pose = values.pose.expect("the last depth values rotation and gripper");
-        let (bins, command) = best.pose.clone().expect("the last depth chooses rotation and gripper");
+        let (bins, command) =
+            best.pose.clone().expect("the last depth chooses rotation and gripper");
         let bins = ints(bins);
         let gripper = if ints(command)[0] == OPEN { Gripper::Open } else { Gripper::Close };
         let action = DiscreteAction { voxels, rotation: [bins[0], bins[1], bins[2]], gripper };
@@ -236,7 +254,8 @@ impl QAttention {
         };
         let gripper = floats(pose.gripper);
         let goal = self.codec.decode(&action);
-        // Labels do not tell the two turns of a grasp apart; turning needlessly would twist what the hand holds.
+        // Labels do not tell the two turns of a grasp apart; turning needlessly would twist what
+        // the hand holds.
         let pose = nearest_grasp(goal.pose, observation.proprio.grip.rotation);
         QDecision {
             goal: NextBestPose { pose, ..goal },
@@ -248,16 +267,21 @@ impl QAttention {
         }
     }
 
-    /// One gradient step of every depth on a batch, then one step of the targets towards the new weights.
+    /// One gradient step of every depth on a batch, then one step of the targets towards the new
+    /// weights.
     ///
     /// # Panics
     ///
-    /// When the batch is empty or an action lies outside the bounds of depth 0, which the caller keeps out of the replay.
+    /// When the batch is empty or an action lies outside the bounds of depth 0, which the caller
+    /// keeps out of the replay.
     pub fn update(&mut self, batch: &[QSample<'_>], rng: &mut Rng) -> UpdateReport {
         assert!(!batch.is_empty(), "an update needs at least one sample");
         let batch = batch
             .iter()
-            .map(|sample| Augmented::draw(*sample, &self.codec, &self.settings, rng).expect("replayed actions lie within bounds"))
+            .map(|sample| {
+                Augmented::draw(*sample, &self.codec, &self.settings, rng)
+                    .expect("replayed actions lie within bounds")
+            })
             .collect::<Vec<_>>();
         // Where the online networks look next, for the samples that go on.
         let mut next_centers = vec![Vec3::ZERO; batch.len()];
@@ -276,12 +300,22 @@ impl QAttention {
         UpdateReport { losses, mean_target, priorities }
     }
 
-    /// The values to regress on at one depth. Moves `next_centers` to what the online network attends to.
-    fn targets(&self, depth_idx: usize, batch: &[Augmented<'_>], next_centers: &mut [Vec3]) -> Vec<f32> {
-        let going_on = (0..batch.len()).filter(|&i| batch[i].sample.next.is_some()).collect::<Vec<_>>();
+    /// The values to regress on at one depth. Moves `next_centers` to what the online network
+    /// attends to.
+    fn targets(
+        &self,
+        depth_idx: usize,
+        batch: &[Augmented<'_>],
+        next_centers: &mut [Vec3],
+    ) -> Vec<f32> {
+        let going_on =
+            (0..batch.len()).filter(|&i| batch[i].sample.next.is_some()).collect::<Vec<_>>();
         let mut next_values = vec![None; batch.len()];
         if !going_on.is_empty() {
-            let spaces = going_on.iter().map(|&i| self.space(depth_idx, next_centers[i])).collect::<Vec<_>>();
+            let spaces = going_on
+                .iter()
+                .map(|&i| self.space(depth_idx, next_centers[i]))
+                .collect::<Vec<_>>();
             let (values, voxels) = self.next_values(depth_idx, batch, &going_on, &spaces);
             for (k, &i) in going_on.iter().enumerate() {
                 next_values[i] = Some(values[k]);
@@ -289,10 +323,15 @@ impl QAttention {
             }
         }
         let discount = self.settings.discount;
-        batch.iter().zip(next_values).map(|(sample, next)| td_target(sample.sample.reward, discount, next)).collect()
+        batch
+            .iter()
+            .zip(next_values)
+            .map(|(sample, next)| td_target(sample.sample.reward, discount, next))
+            .collect()
     }
 
-    /// Double Q: the target network's value of what the online network chooses next, and the voxels it chooses.
+    /// Double Q: the target network's value of what the online network chooses next, and the voxels
+    /// it chooses.
     fn next_values(
         &self,
         depth_idx: usize,
@@ -301,9 +340,18 @@ impl QAttention {
         spaces: &[VoxelSpace],
     ) -> (Vec<f32>, Vec<usize>) {
         let next = |i: usize| batch[i].sample.next.expect("only samples that go on are asked for");
-        let grids = going_on.iter().zip(spaces).map(|(&i, &space)| batch[i].moved_grid(next(i), space)).collect::<Vec<_>>();
+        let grids = going_on
+            .iter()
+            .zip(spaces)
+            .map(|(&i, &space)| batch[i].moved_grid(next(i), space))
+            .collect::<Vec<_>>();
         let proprio = going_on.iter().map(|&i| batch[i].moved_proprio(next(i))).collect::<Vec<_>>();
-        let input = network_input(&grids.iter().collect::<Vec<_>>(), &proprio, self.settings.network, &self.device);
+        let input = network_input(
+            &grids.iter().collect::<Vec<_>>(),
+            &proprio,
+            self.settings.network,
+            &self.device,
+        );
         let depth = &self.depths[depth_idx];
         let best = Choices::best(&depth.online.forward(input.clone()));
         let values = chosen_values(&depth.target.forward(input), &best).mean_dim(1);
@@ -314,15 +362,30 @@ impl QAttention {
         self.codec.zoom(depth_idx, center).expect("there is a space for each depth")
     }
 
-    /// One gradient step of one depth towards `targets`: the loss before it, and the Huber loss of each sample.
-    fn fit(&mut self, depth_idx: usize, batch: &[Augmented<'_>], targets: Vec<f32>) -> (f32, Vec<f32>) {
+    /// One gradient step of one depth towards `targets`: the loss before it, and the Huber loss of
+    /// each sample.
+    fn fit(
+        &mut self,
+        depth_idx: usize,
+        batch: &[Augmented<'_>],
+        targets: Vec<f32>,
+    ) -> (f32, Vec<f32>) {
         let device = self.device.clone().autodiff();
         let grids = batch.iter().map(|sample| sample.grid(depth_idx)).collect::<Vec<_>>();
-        let proprio = batch.iter().map(|sample| sample.moved_proprio(sample.sample.observation)).collect::<Vec<_>>();
-        let input = network_input(&grids.iter().collect::<Vec<_>>(), &proprio, self.settings.network, &device);
+        let proprio = batch
+            .iter()
+            .map(|sample| sample.moved_proprio(sample.sample.observation))
+            .collect::<Vec<_>>();
+        let input = network_input(
+            &grids.iter().collect::<Vec<_>>(),
+            &proprio,
+            self.settings.network,
+            &device,
+        );
         let n = batch.len();
         let weights = batch.iter().map(|sample| sample.sample.weight).collect();
-        let imitated = batch.iter().map(|sample| f32::from(u8::from(sample.sample.imitated))).collect();
+        let imitated =
+            batch.iter().map(|sample| f32::from(u8::from(sample.sample.imitated))).collect();
 
         let depth = &mut self.depths[depth_idx];
         let leaves = depth.online.clone().train();
@@ -333,7 +396,8 @@ impl QAttention {
             rotation: self.settings.rotation_regularisation,
             imitation: self.settings.imitation,
         };
-        let [targets, weights, imitated] = [targets, weights, imitated].map(|column| tensor(column, [n], &device));
+        let [targets, weights, imitated] =
+            [targets, weights, imitated].map(|column| tensor(column, [n], &device));
         let loss = depth_loss(&values, &choices, Rows { targets, weights, imitated }, loss_weights);
         let gradients = loss.total.backward();
         depth.online = depth.adam.step(depth.online.clone(), &leaves, gradients);
@@ -351,16 +415,20 @@ fn labels(depth_idx: usize, batch: &[Augmented<'_>], with_pose: bool, device: &D
     let voxel = batch.iter().map(|sample| sample.depths[depth_idx].flat as i32).collect();
     let pose = with_pose.then(|| {
         let bins = batch.iter().flat_map(|sample| sample.rotation.map(|bin| bin as i32)).collect();
-        let command = |sample: &Augmented<'_>| i32::from(sample.sample.action.gripper == Gripper::Open);
-        (indices(bins, [n, 3, 1], device), indices(batch.iter().map(command).collect(), [n, 1], device))
+        let command =
+            |sample: &Augmented<'_>| i32::from(sample.sample.action.gripper == Gripper::Open);
+        (
+            indices(bins, [n, 3, 1], device),
+            indices(batch.iter().map(command).collect(), [n, 1], device),
+        )
     });
     Choices { voxel: indices(voxel, [n, 1], device), pose }
 }
 
 /// Adds one depth's part to the priorities: `√(huber + 1e-10)` over the largest of the batch.
 ///
-/// In the released code a depth's priority is added into every later one, and the stack sums them all: the first depth of two
-/// counts twice.
+/// In the released code a depth's priority is added into every later one, and the stack sums them
+/// all: the first depth of two counts twice.
 fn add_priorities(priorities: &mut [f32], huber: &[f32], times: usize) {
     let sizes = huber.iter().map(|loss| libm::sqrtf(loss + 1e-10)).collect::<Vec<_>>();
     let most = sizes.iter().fold(0.0_f32, |most, size| most.max(*size));
@@ -370,11 +438,18 @@ fn add_priorities(priorities: &mut [f32], huber: &[f32], times: usize) {
 }
 
 /// Grids and proprioception as one batch.
-fn network_input(grids: &[&VoxelGrid], proprio: &[Proprio], network: NetworkSettings, device: &Device) -> NetworkInput {
+fn network_input(
+    grids: &[&VoxelGrid],
+    proprio: &[Proprio],
+    network: NetworkSettings,
+    device: &Device,
+) -> NetworkInput {
     let n_voxels = grids.first().map_or(0, |grid| grid.space.n_voxels());
-    let mut voxels = grids.iter().flat_map(|grid| grid.features.iter().copied()).collect::<Vec<_>>();
+    let mut voxels =
+        grids.iter().flat_map(|grid| grid.features.iter().copied()).collect::<Vec<_>>();
     if let NetworkSettings::Fast { .. } = network {
-        for (grid, features) in grids.iter().zip(voxels.chunks_exact_mut(VOXEL_CHANNELS * n_voxels)) {
+        for (grid, features) in grids.iter().zip(voxels.chunks_exact_mut(VOXEL_CHANNELS * n_voxels))
+        {
             center_positions(grid, features);
         }
     }
@@ -385,9 +460,11 @@ fn network_input(grids: &[&VoxelGrid], proprio: &[Proprio], network: NetworkSett
     }
 }
 
-/// Mean positions as fractions of a voxel from its centre, -1 to 1, instead of metres in the world; zero where nothing is.
+/// Mean positions as fractions of a voxel from its centre, -1 to 1, instead of metres in the world;
+/// zero where nothing is.
 ///
-/// What is learned at one place then holds at every other, and a millimetre is not lost beside a metre.
+/// What is learned at one place then holds at every other, and a millimetre is not lost beside a
+/// metre.
 fn center_positions(grid: &VoxelGrid, features: &mut [f32]) {
     let n_voxels = grid.space.n_voxels();
     let half_voxel = 0.5 * grid.space.voxel_size();
@@ -408,5 +485,9 @@ fn indices<const D: usize>(values: Vec<i32>, shape: [usize; D], device: &Device)
 }
 
 fn ints<const D: usize>(tensor: Tensor<D, Int>) -> Vec<usize> {
-    tensor.into_data().iter::<i64>().map(|index| usize::try_from(index).expect("indices are not negative")).collect()
+    tensor
+        .into_data()
+        .iter::<i64>()
+        .map(|index| usize::try_from(index).expect("indices are not negative"))
+        .collect()
 }

@@ -47,17 +47,26 @@ pub(super) struct DepthLabel {
 }
 
 impl<'a> Augmented<'a> {
-    /// `sample`, turned, shifted and with its cubes moved at random; none when its action lies outside the bounds.
+    /// `sample`, turned, shifted and with its cubes moved at random; none when its action lies
+    /// outside the bounds.
     ///
     /// An augmentation that moves the label out of a cube is drawn again, never clamped.
-    pub(super) fn draw(sample: QSample<'a>, codec: &ActionCodec, settings: &QAttentionSettings, rng: &mut Rng) -> Option<Self> {
+    pub(super) fn draw(
+        sample: QSample<'a>,
+        codec: &ActionCodec,
+        settings: &QAttentionSettings,
+        rng: &mut Rng,
+    ) -> Option<Self> {
         let about = codec.scene().bounds().min + 0.5 * codec.scene().bounds().size;
         for _ in 0..MAX_DRAWS {
             let yaw = symmetric(settings.yaw_range, rng);
             let shift = settings.shift_range.to_array().map(|range| symmetric(range, rng));
             let transform = PointTransform { yaw, shift: Vec3::from_array(shift), about };
-            let jitters =
-                settings.zoom_half_widths.iter().map(|half| jitter(half * settings.crop_jitter, rng)).collect::<Vec<_>>();
+            let jitters = settings
+                .zoom_half_widths
+                .iter()
+                .map(|half| jitter(half * settings.crop_jitter, rng))
+                .collect::<Vec<_>>();
             if let Some(augmented) = Self::new(sample, codec, transform, &jitters) {
                 return Some(augmented);
             }
@@ -66,15 +75,22 @@ impl<'a> Augmented<'a> {
         Self::new(sample, codec, still, &vec![Vec3::ZERO; settings.zoom_half_widths.len()])
     }
 
-    /// `sample` moved by `transform`, the cube of each later depth moved by its `jitters` away from its label.
-    fn new(sample: QSample<'a>, codec: &ActionCodec, transform: PointTransform, jitters: &[Vec3]) -> Option<Self> {
+    /// `sample` moved by `transform`, the cube of each later depth moved by its `jitters` away from
+    /// its label.
+    fn new(
+        sample: QSample<'a>,
+        codec: &ActionCodec,
+        transform: PointTransform,
+        jitters: &[Vec3],
+    ) -> Option<Self> {
         let pose = canonical_grasp(transform.pose() * sample.action.pose);
         let mut depths = Vec::with_capacity(codec.n_depths());
         let mut center = Vec3::ZERO;
         for depth_idx in 0..codec.n_depths() {
             let space = codec.zoom(depth_idx, center)?;
             let voxel = space.voxel_from_point(pose.translation)?;
-            center = space.point_from_voxel(voxel) + jitters.get(depth_idx).copied().unwrap_or(Vec3::ZERO);
+            center = space.point_from_voxel(voxel)
+                + jitters.get(depth_idx).copied().unwrap_or(Vec3::ZERO);
             depths.push(DepthLabel { space, flat: space.flat_from_voxel(voxel) });
         }
         Some(Self { sample, transform, depths, rotation: codec.rotation.encode(pose.rotation) })
@@ -90,7 +106,8 @@ impl<'a> Augmented<'a> {
         VoxelGrid::voxelise(self.transform.apply(observation.colored_points()), space)
     }
 
-    /// Proprioception of a moved observation: the grip moves along; joint angles stay, and no network reads them.
+    /// Proprioception of a moved observation: the grip moves along; joint angles stay, and no
+    /// network reads them.
     pub(super) fn moved_proprio(&self, observation: &QObservation) -> Proprio {
         Proprio { grip: self.transform.pose() * observation.proprio.grip, ..observation.proprio }
     }
@@ -121,9 +138,13 @@ mod tests {
     fn point_and_pose(point: [f32; 3], rotation: Quat) -> (QObservation, NextBestPose) {
         let bounds = VoxelBounds::scene(&PANDA);
         let point = bounds.min + bounds.size * Vec3::from_array(point);
-        let observation = QObservation::from_points([(point, [255, 0, 0])], test_proprio(), bounds, 0.01);
+        let observation =
+            QObservation::from_points([(point, [255, 0, 0])], test_proprio(), bounds, 0.01);
         let stored = observation.colored_points().next().expect("one point").0;
-        (observation, NextBestPose { pose: Pose3::from_parts(stored, rotation), gripper: Gripper::Close })
+        (
+            observation,
+            NextBestPose { pose: Pose3::from_parts(stored, rotation), gripper: Gripper::Close },
+        )
     }
 
     fn sample<'a>(observation: &'a QObservation, action: NextBestPose) -> QSample<'a> {
@@ -173,20 +194,35 @@ mod tests {
     #[test]
     fn actions_outside_are_refused() {
         let settings = test_settings();
-        let codec = ActionCodec::new(&settings, VoxelBounds::scene(&PANDA)).expect("settings that fit together");
+        let codec = ActionCodec::new(&settings, VoxelBounds::scene(&PANDA))
+            .expect("settings that fit together");
         let (observation, mut action) = point_and_pose([0.5; 3], Quat::IDENTITY);
         action.pose.translation.z = 2.0;
         let none = QAttentionSettings { yaw_range: 0.0, shift_range: Vec3::ZERO, ..settings };
-        assert!(Augmented::draw(sample(&observation, action), &codec, &none, &mut stream(0, Stream::Augment, 0)).is_none());
+        assert!(
+            Augmented::draw(
+                sample(&observation, action),
+                &codec,
+                &none,
+                &mut stream(0, Stream::Augment, 0)
+            )
+            .is_none()
+        );
     }
 
     #[test]
     fn what_the_arm_feels_moves_with_what_it_sees() {
         let settings = test_settings();
-        let codec = ActionCodec::new(&settings, VoxelBounds::scene(&PANDA)).expect("settings that fit together");
+        let codec = ActionCodec::new(&settings, VoxelBounds::scene(&PANDA))
+            .expect("settings that fit together");
         let (observation, action) = point_and_pose([0.4, 0.6, 0.3], Quat::from_rotation_x(PI));
-        let augmented = Augmented::draw(sample(&observation, action), &codec, &settings, &mut stream(1, Stream::Augment, 0))
-            .expect("the action is within bounds");
+        let augmented = Augmented::draw(
+            sample(&observation, action),
+            &codec,
+            &settings,
+            &mut stream(1, Stream::Augment, 0),
+        )
+        .expect("the action is within bounds");
         let seen_from_grip = observation.proprio.grip.inverse() * action.pose.translation;
         let moved = augmented.transform.pose() * action.pose.translation;
         let moved_seen = augmented.moved_proprio(&observation).grip.inverse() * moved;

@@ -1,23 +1,26 @@
 //! The loss of one depth: a double-Q temporal difference with a regulariser on all values.
 //!
-//! With the reward `r`, the discount `γ` and the value `V'` that the target network gives the online network's choice:
+//! With the reward `r`, the discount `γ` and the value `V'` that the target network gives the
+//! online network's choice:
 //!
 //! ```text
 //! y = max(0, r + γ V')                       (y = r when the episode ended)
 //! L = mean_batch w (mean_k huber(Q_k(a_k) - y) + λ_t mean|Q_t| + λ_r mean|Q_rg|)
 //! ```
 //!
-//! `k` runs over what a depth chooses: the voxel, and at the last depth also three rotation bins and the gripper. All regress on
-//! the same `y`, and `V'` is the mean over them. Huber is quadratic within 1.
+//! `k` runs over what a depth chooses: the voxel, and at the last depth also three rotation bins
+//! and the gripper. All regress on the same `y`, and `V'` is the mean over them. Huber is quadratic
+//! within 1.
 //!
 //! # Differences from the paper
 //!
-//! Actions of successful episodes can add `λ_d mean_k -log softmax(Q_k / T)(a_k)` ([`Imitation`]; not in the `paper` preset). The
-//! loss above gives a voxel that is right with probability `p` the value `1 - λ_t K / (V p)`, so likely and unlikely neighbours
-//! hardly differ; this term sets them `T log(p / p')` apart. It is a smooth form of the margin of deep Q-learning from
-//! demonstrations (Hester et al. 2018), and the cross-entropy of `PerAct` at `T = 1`. Without it, 160 updates on 10 demonstrations
-//! of `take_lid_off_saucepan` bring 1 of 40 grasps within 10 cm and none within 2 cm, with it (preset `fast`) 35 and 10
-//! (`examples/qattention_study.rs`).
+//! Actions of successful episodes can add `λ_d mean_k -log softmax(Q_k / T)(a_k)` ([`Imitation`];
+//! not in the `paper` preset). The loss above gives a voxel that is right with probability `p` the
+//! value `1 - λ_t K / (V p)`, so likely and unlikely neighbours hardly differ; this term sets them
+//! `T log(p / p')` apart. It is a smooth form of the margin of deep Q-learning from demonstrations
+//! (Hester et al. 2018), and the cross-entropy of `PerAct` at `T = 1`. Without it, 160 updates on
+//! 10 demonstrations of `take_lid_off_saucepan` bring 1 of 40 grasps within 10 cm and none within 2
+//! cm, with it (preset `fast`) 35 and 10 (`examples/qattention_study.rs`).
 
 use super::Imitation;
 use super::network::{PoseValues, QValues};
@@ -37,7 +40,10 @@ pub(super) struct Choices {
 impl Choices {
     /// The best of everything: `argmax`.
     pub(super) fn best(values: &QValues) -> Self {
-        let pose = values.pose.as_ref().map(|pose| (pose.rotation.clone().argmax(2), pose.gripper.clone().argmax(1)));
+        let pose = values
+            .pose
+            .as_ref()
+            .map(|pose| (pose.rotation.clone().argmax(2), pose.gripper.clone().argmax(1)));
         Self { voxel: values.translation.clone().argmax(1), pose }
     }
 }
@@ -45,7 +51,9 @@ impl Choices {
 /// The values of the chosen parts, `[B, K]`: one column for the voxel, at the last depth four more.
 pub(super) fn chosen_values(values: &QValues, choices: &Choices) -> Tensor<2> {
     let voxel = values.translation.clone().gather(1, choices.voxel.clone());
-    let (Some(PoseValues { rotation, gripper }), Some((bins, command))) = (&values.pose, &choices.pose) else {
+    let (Some(PoseValues { rotation, gripper }), Some((bins, command))) =
+        (&values.pose, &choices.pose)
+    else {
         return voxel;
     };
     let [n, _, _] = rotation.dims();
@@ -86,15 +94,24 @@ pub(super) struct Rows {
 }
 
 /// The loss of one depth.
-pub(super) fn depth_loss(values: &QValues, choices: &Choices, rows: Rows, loss_weights: LossWeights) -> DepthLoss {
+pub(super) fn depth_loss(
+    values: &QValues,
+    choices: &Choices,
+    rows: Rows,
+    loss_weights: LossWeights,
+) -> DepthLoss {
     let chosen = chosen_values(values, choices);
     let [n, n_parts] = chosen.dims();
     let errors = (chosen - rows.targets.reshape([n, 1]).expand([n, n_parts])).abs();
     let huber = huber(errors).mean_dim(1).reshape([n]);
-    let mut per_sample = huber.clone() + mean_size(values.translation.clone()) * loss_weights.translation;
+    let mut per_sample =
+        huber.clone() + mean_size(values.translation.clone()) * loss_weights.translation;
     if let Some(pose) = &values.pose {
         let [_, _, bins] = pose.rotation.dims();
-        let all = Tensor::cat(vec![pose.rotation.clone().reshape([n, 3 * bins]), pose.gripper.clone()], 1);
+        let all = Tensor::cat(
+            vec![pose.rotation.clone().reshape([n, 3 * bins]), pose.gripper.clone()],
+            1,
+        );
         per_sample = per_sample + mean_size(all) * loss_weights.rotation;
     }
     if let Some(Imitation { weight, temperature }) = loss_weights.imitation {
@@ -141,7 +158,11 @@ mod tests {
         QValues {
             translation: tensor(vec![0.1, 0.9, -0.4, 0.0, 2.5, 0.3, 0.2, 0.1], [2, 4], device),
             pose: Some(PoseValues {
-                rotation: tensor((0..12).map(|i| i as f32 * 0.1 - 0.3).collect(), [2, 3, 2], device),
+                rotation: tensor(
+                    (0..12).map(|i| i as f32 * 0.1 - 0.3).collect(),
+                    [2, 3, 2],
+                    device,
+                ),
                 gripper: tensor(vec![0.5, 0.25, -1.5, 0.0], [2, 2], device),
             }),
         }
@@ -164,7 +185,13 @@ mod tests {
         let found = read(chosen_values(&values, &best));
         let expected = [0.9, -0.2, 0.0, 0.2, 0.5, 2.5, 0.4, 0.6, 0.8, 0.0];
         assert_eq!(found.len(), expected.len());
-        assert!(found.iter().zip(expected).all(|(found, expected): (&f32, f32)| (found - expected).abs() < 1e-6), "{found:?}");
+        assert!(
+            found
+                .iter()
+                .zip(expected)
+                .all(|(found, expected): (&f32, f32)| (found - expected).abs() < 1e-6),
+            "{found:?}"
+        );
     }
 
     #[test]
@@ -183,13 +210,17 @@ mod tests {
             },
             loss_weights,
         );
-        // Sample 0 against y = 1: errors 0.1, 1.2, 1, 0.8, 0.5. Sample 1 against y = 0: 2.5, 0.4, 0.6, 0.8, 0.
+        // Sample 0 against y = 1: errors 0.1, 1.2, 1, 0.8, 0.5. Sample 1 against y = 0: 2.5, 0.4,
+        // 0.6, 0.8, 0.
         let huber = [(0.005 + 0.7 + 0.5 + 0.32 + 0.125) / 5.0, (2.0 + 0.08 + 0.18 + 0.32) / 5.0];
         for (found, expected) in read(loss.huber).iter().zip(huber) {
             assert!((found - expected).abs() < 1e-6, "{found} for {expected}");
         }
         let translation = [1.4 / 4.0, 3.1 / 4.0];
-        let pose = [(0.3 + 0.2 + 0.1 + 0.0 + 0.1 + 0.2 + 0.75) / 8.0, (0.3 + 0.4 + 0.5 + 0.6 + 0.7 + 0.8 + 1.5) / 8.0];
+        let pose = [
+            (0.3 + 0.2 + 0.1 + 0.0 + 0.1 + 0.2 + 0.75) / 8.0,
+            (0.3 + 0.4 + 0.5 + 0.6 + 0.7 + 0.8 + 1.5) / 8.0,
+        ];
         let sample = |i: usize| huber[i] + 0.5 * translation[i] + 0.25 * pose[i];
         let expected = (sample(0) + 0.5 * sample(1)) / 2.0;
         let found = read(loss.total)[0];
@@ -210,7 +241,8 @@ mod tests {
             Rows { targets: one.clone(), weights: one.clone(), imitated: one },
             loss_weights,
         );
-        let gradient = read(translation.grad(&loss.total.backward()).expect("the loss depends on it"));
+        let gradient =
+            read(translation.grad(&loss.total.backward()).expect("the loss depends on it"));
         // Huber beyond 1 has slope 1 on the chosen voxel; |Q| has slope ±0.1 on all.
         for (found, expected) in gradient.iter().zip([1.1, 0.1, -0.1, 0.1]) {
             assert!((found - expected).abs() < 1e-6, "{gradient:?}");
@@ -224,10 +256,16 @@ mod tests {
         let values = QValues { translation, pose: None };
         let voxel = Tensor::from_data(TensorData::new(vec![0_i32, 1], [2, 1]), &device);
         let chosen = tensor(vec![0.5, 0.2], [2], &device);
-        let rows =
-            Rows { targets: chosen, weights: tensor(vec![1.0; 2], [2], &device), imitated: tensor(vec![1.0, 0.0], [2], &device) };
-        let loss_weights =
-            LossWeights { translation: 0.0, rotation: 0.0, imitation: Some(Imitation { weight: 2.0, temperature: 0.25 }) };
+        let rows = Rows {
+            targets: chosen,
+            weights: tensor(vec![1.0; 2], [2], &device),
+            imitated: tensor(vec![1.0, 0.0], [2], &device),
+        };
+        let loss_weights = LossWeights {
+            translation: 0.0,
+            rotation: 0.0,
+            imitation: Some(Imitation { weight: 2.0, temperature: 0.25 }),
+        };
         let loss = depth_loss(&values, &Choices { voxel, pose: None }, rows, loss_weights);
         // Log odds 2 and 0: -log(1 / (1 + e^-2)), on one of two samples, times 2.
         let expected = (1.0 + (-2.0_f32).exp()).ln();

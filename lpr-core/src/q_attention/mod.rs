@@ -12,9 +12,13 @@ mod network;
 mod observation;
 mod settings;
 
-pub use action::{ActionCodec, DiscreteAction, RotationCodec, canonical, canonical_grasp, nearest_grasp};
+pub use action::{
+    ActionCodec, DiscreteAction, RotationCodec, canonical, canonical_grasp, nearest_grasp,
+};
 #[cfg(feature = "learn")]
-pub use agent::{DepthDecision, DepthState, QAttention, QAttentionState, QDecision, UpdateReport, Weights};
+pub use agent::{
+    DepthDecision, DepthState, QAttention, QAttentionState, QDecision, UpdateReport, Weights,
+};
 #[cfg(feature = "learn")]
 pub use batch::QSample;
 

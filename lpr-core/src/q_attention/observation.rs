@@ -1,4 +1,5 @@
-//! What replay keeps of an observation: enough to voxelise it again at any depth, turned and shifted.
+//! What replay keeps of an observation: enough to voxelise it again at any depth, turned and
+//! shifted.
 
 use crate::perception::{Observation, Proprio, VoxelBounds};
 
@@ -16,14 +17,16 @@ pub struct StoredPoint {
     pub rgb: [u8; 3],
 }
 
-/// A thinned point cloud and proprioception: 10 bytes a point, so some 60 kB for the 6,000 points of a tabletop at 1 cm.
+/// A thinned point cloud and proprioception: 10 bytes a point, so some 60 kB for the 6,000 points
+/// of a tabletop at 1 cm.
 ///
 /// Images of 128 x 128 with colour and points, as the released code stores, take 246 kB.
 #[derive(Debug, Clone, PartialEq)]
 pub struct QObservation {
     /// The box whose points are kept.
     pub bounds: VoxelBounds,
-    /// At most one point per cell of the thinning grid, in the order of the cells that `cloud` was met in.
+    /// At most one point per cell of the thinning grid, in the order of the cells that `cloud` was
+    /// met in.
     pub points: Vec<StoredPoint>,
     /// What the arm knows of itself.
     pub proprio: Proprio,
@@ -32,7 +35,8 @@ pub struct QObservation {
 impl QObservation {
     /// The points of `observation` within `bounds`, at most one per cube of side `spacing`, metres.
     ///
-    /// The first point of a cell stays: with cells finer than the finest voxels, means of voxels hardly change.
+    /// The first point of a cell stays: with cells finer than the finest voxels, means of voxels
+    /// hardly change.
     ///
     /// # Panics
     ///
@@ -55,7 +59,8 @@ impl QObservation {
         spacing: f32,
     ) -> Self {
         assert!(spacing > 0.0, "points are thinned to a positive spacing, got {spacing}");
-        let n_cells = (bounds.size / spacing).to_array().map(|cells| (cells.ceil() as usize).max(1));
+        let n_cells =
+            (bounds.size / spacing).to_array().map(|cells| (cells.ceil() as usize).max(1));
         let mut taken = vec![false; n_cells.iter().product()];
         let mut points = Vec::new();
         for (point, rgb) in cloud {
@@ -68,7 +73,8 @@ impl QObservation {
             if !*taken {
                 *taken = true;
                 let steps = (point - bounds.min) / bounds.size * STEPS + 0.5;
-                points.push(StoredPoint { position: steps.to_array().map(|step| step as u16), rgb });
+                points
+                    .push(StoredPoint { position: steps.to_array().map(|step| step as u16), rgb });
             }
         }
         points.shrink_to_fit();
@@ -78,7 +84,9 @@ impl QObservation {
     /// The points, metres in the world, with their colours.
     pub fn colored_points(&self) -> impl Iterator<Item = (Vec3, [u8; 3])> + '_ {
         let step = self.bounds.size / STEPS;
-        self.points.iter().map(move |point| (self.bounds.min + step * Vec3::from_array(point.position.map(f32::from)), point.rgb))
+        self.points.iter().map(move |point| {
+            (self.bounds.min + step * Vec3::from_array(point.position.map(f32::from)), point.rgb)
+        })
     }
 
     /// Bytes in memory.

@@ -5,13 +5,15 @@ use crate::error::{Error, Result};
 use glamx::Vec3;
 use serde::{Deserialize, Serialize};
 
-/// Settings of coarse-to-fine Q-attention (paper, section III; numbers of the released C2F-ARM in each field's doc).
+/// Settings of coarse-to-fine Q-attention (paper, section III; numbers of the released C2F-ARM in
+/// each field's doc).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct QAttentionSettings {
     /// Voxels along each side of the grid, the same at every depth (released: 16).
     pub voxels_per_side: usize,
-    /// Half side of the cube that each depth after the first looks at, metres; one entry a depth (paper: one; released: 0.15).
+    /// Half side of the cube that each depth after the first looks at, metres; one entry a depth
+    /// (paper: one; released: 0.15).
     pub zoom_half_widths: Vec<f32>,
     /// Bins of each Euler angle over the full circle; even (released: 72, 5° each).
     pub rotation_bins: usize,
@@ -23,28 +25,36 @@ pub struct QAttentionSettings {
     pub weight_decay: f32,
     /// Bound on every component of the gradient, or none (released: 0.01).
     pub gradient_clip: Option<f32>,
-    /// Fraction of the online weights mixed into the target after every update, `τ` (released: 0.0025).
+    /// Fraction of the online weights mixed into the target after every update, `τ` (released:
+    /// 0.0025).
     pub target_mix: f32,
-    /// Weight of the mean absolute value of all translation values, one entry a depth (released: 1 each).
+    /// Weight of the mean absolute value of all translation values, one entry a depth (released: 1
+    /// each).
     ///
-    /// It is what makes near voxels differ: a voxel that is right with probability `p` is worth `1 - w K / (V p)`, with `V` voxels
-    /// and `K` parts of the action (1, at the last depth 5). A weight with `w K / (V p) > 1` for every voxel teaches nothing.
+    /// It is what makes near voxels differ: a voxel that is right with probability `p` is worth
+    /// `1 - w K / (V p)`, with `V` voxels and `K` parts of the action (1, at the last depth 5). A
+    /// weight with `w K / (V p) > 1` for every voxel teaches nothing.
     pub translation_regularisation: Vec<f32>,
-    /// Weight of the mean absolute value of all rotation and gripper values (released: 1); the same rule, over all their bins.
+    /// Weight of the mean absolute value of all rotation and gripper values (released: 1); the same
+    /// rule, over all their bins.
     pub rotation_regularisation: f32,
     /// What actions of successful episodes add to the loss (paper: nothing).
     pub imitation: Option<Imitation>,
-    /// How far the cube of a later depth is moved away from its label at random, as a fraction of its half width (released: 0.75).
+    /// How far the cube of a later depth is moved away from its label at random, as a fraction of
+    /// its half width (released: 0.75).
     pub crop_jitter: f32,
-    /// Largest rotation about the vertical that a sampled observation and its action undergo, radians (released: 0).
+    /// Largest rotation about the vertical that a sampled observation and its action undergo,
+    /// radians (released: 0).
     pub yaw_range: f32,
-    /// Largest shift along x, y, z that a sampled observation and its action undergo, metres (released: 0).
+    /// Largest shift along x, y, z that a sampled observation and its action undergo, metres
+    /// (released: 0).
     pub shift_range: Vec3,
     /// The networks, one of the same kind per depth.
     pub network: NetworkSettings,
 }
 
-/// The cross-entropy of the actions of successful episodes, demonstrations first of all, under `softmax(Q / T)`.
+/// The cross-entropy of the actions of successful episodes, demonstrations first of all, under
+/// `softmax(Q / T)`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Imitation {
@@ -57,7 +67,9 @@ pub struct Imitation {
 impl Imitation {
     fn is_valid(self) -> bool {
         let Self { weight, temperature } = self;
-        [weight, temperature].iter().all(|number| number.is_finite()) && weight >= 0.0 && temperature > 0.0
+        [weight, temperature].iter().all(|number| number.is_finite())
+            && weight >= 0.0
+            && temperature > 0.0
     }
 }
 
@@ -67,7 +79,8 @@ impl Imitation {
 pub enum NetworkSettings {
     /// The 3-D U-Net of inception blocks of C2F-ARM.
     Paper {
-        /// Channels at the finest grid (released: 64); the coarser grids have two and four times as many.
+        /// Channels at the finest grid (released: 64); the coarser grids have two and four times as
+        /// many.
         channels: usize,
         /// Channels inside an inception block, before its 3³ convolutions (released: 32).
         bottleneck: usize,
@@ -151,7 +164,13 @@ pub(super) mod tests {
             crop_jitter: 0.5,
             yaw_range: 0.5,
             shift_range: Vec3::new(0.1, 0.1, 0.0),
-            network: NetworkSettings::Fast { cell_channels: 8, block_channels: 12, head_channels: 4, hidden: 16, harmonics: 4 },
+            network: NetworkSettings::Fast {
+                cell_channels: 8,
+                block_channels: 12,
+                head_channels: 4,
+                hidden: 16,
+                harmonics: 4,
+            },
         }
     }
 

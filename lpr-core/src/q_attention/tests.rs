@@ -17,12 +17,20 @@ use rand::RngExt as _;
 /// A red stick on a table, and the pose above its middle that closes across it.
 fn scene(index: u64) -> (QObservation, NextBestPose) {
     let rng = &mut stream(5, Stream::Placement, index);
-    let place = PANDA.workspace_center.extend(0.0) + Vec3::new(rng.random_range(-0.2..0.2), rng.random_range(-0.2..0.2), 0.0);
+    let place = PANDA.workspace_center.extend(0.0)
+        + Vec3::new(rng.random_range(-0.2..0.2), rng.random_range(-0.2..0.2), 0.0);
     let yaw = rng.random_range(-0.9..1.2);
     let turn = Quat::from_rotation_z(yaw);
-    let table = (0..400).map(|i| (PANDA.workspace_center.extend(0.0) + grid_point(i, 20, 0.4), [120; 3]));
-    let stick = (0..80).map(|i| (place + turn * Vec3::new(i as f32 / 400.0 - 0.1, 0.0, 0.05), [250, 10, 10]));
-    let observation = QObservation::from_points(table.chain(stick), test_proprio(), VoxelBounds::scene(&PANDA), 0.005);
+    let table =
+        (0..400).map(|i| (PANDA.workspace_center.extend(0.0) + grid_point(i, 20, 0.4), [120; 3]));
+    let stick = (0..80)
+        .map(|i| (place + turn * Vec3::new(i as f32 / 400.0 - 0.1, 0.0, 0.05), [250, 10, 10]));
+    let observation = QObservation::from_points(
+        table.chain(stick),
+        test_proprio(),
+        VoxelBounds::scene(&PANDA),
+        0.005,
+    );
     let pose = Pose3::from_parts(place + Vec3::Z * 0.05, turn * Quat::from_rotation_x(PI));
     (observation, NextBestPose { pose, gripper: Gripper::Close })
 }
@@ -34,11 +42,19 @@ fn grid_point(i: usize, n: usize, half: f32) -> Vec3 {
 
 fn agent(settings: QAttentionSettings) -> QAttention {
     let rng = &mut stream(2, Stream::Init, 0);
-    QAttention::new(settings, VoxelBounds::scene(&PANDA), Backend::Flex, rng).expect("settings that fit together")
+    QAttention::new(settings, VoxelBounds::scene(&PANDA), Backend::Flex, rng)
+        .expect("settings that fit together")
 }
 
 fn terminal(scene: &(QObservation, NextBestPose)) -> QSample<'_> {
-    QSample { observation: &scene.0, action: scene.1, reward: 1.0, next: None, weight: 1.0, imitated: true }
+    QSample {
+        observation: &scene.0,
+        action: scene.1,
+        reward: 1.0,
+        next: None,
+        weight: 1.0,
+        imitated: true,
+    }
 }
 
 #[test]
@@ -54,15 +70,23 @@ fn one_keyframe_is_learned() {
     let mut agent = agent(settings);
     let scenes = (0..1).map(scene).collect::<Vec<_>>();
     let batch = scenes.iter().map(terminal).collect::<Vec<_>>();
-    let reports = (0..100).map(|update| agent.update(&batch, &mut stream(1, Stream::Augment, update))).collect::<Vec<_>>();
-    assert!(reports.iter().all(|report| report.mean_target == 1.0), "every row is terminal and rewarded");
+    let reports = (0..100)
+        .map(|update| agent.update(&batch, &mut stream(1, Stream::Augment, update)))
+        .collect::<Vec<_>>();
+    assert!(
+        reports.iter().all(|report| report.mean_target == 1.0),
+        "every row is terminal and rewarded"
+    );
     for (observation, goal) in &scenes {
         let chosen = agent.act(observation, Weights::Online).goal;
         let near = agent.codec().quantise(goal).expect("inside the bounds");
         let distance = chosen.pose.translation.distance(near.pose.translation);
         // 3.75 cm: the side of a voxel of the last depth.
         assert!(distance < 0.04, "{distance} m from the keyframe");
-        assert!(chosen.pose.rotation.angle_between(goal.pose.rotation) < 0.5, "{chosen:?} for {goal:?}");
+        assert!(
+            chosen.pose.rotation.angle_between(goal.pose.rotation) < 0.5,
+            "{chosen:?} for {goal:?}"
+        );
         assert_eq!(chosen.gripper, goal.gripper);
     }
 }
@@ -74,7 +98,9 @@ fn ten_updates_are_the_same_bits_twice() {
         let scenes = (0..3).map(scene).collect::<Vec<_>>();
         let mut batch = scenes.iter().map(terminal).collect::<Vec<_>>();
         (batch[0].reward, batch[0].next) = (0.0, Some(&scenes[1].0));
-        (0..10).map(|update| agent.update(&batch, &mut stream(1, Stream::Augment, update))).collect::<Vec<_>>()
+        (0..10)
+            .map(|update| agent.update(&batch, &mut stream(1, Stream::Augment, update)))
+            .collect::<Vec<_>>()
     };
     let (first, second) = (run(), run());
     assert_eq!(first, second);
@@ -90,15 +116,19 @@ fn a_restored_agent_goes_on_bit_by_bit() {
     straight.update(&batch, &mut stream(1, Stream::Augment, 0));
     let rng = &mut stream(77, Stream::Init, 0);
     let bounds = VoxelBounds::scene(&PANDA);
-    let mut resumed = QAttention::new(test_settings(), bounds, Backend::Flex, rng).expect("the same settings");
+    let mut resumed =
+        QAttention::new(test_settings(), bounds, Backend::Flex, rng).expect("the same settings");
     assert_ne!(resumed.state(), straight.state());
     resumed.restore(&straight.state()).expect("a state of the same settings");
     for update in 1..3 {
         let rng = || stream(1, Stream::Augment, update);
         assert_eq!(straight.update(&batch, &mut rng()), resumed.update(&batch, &mut rng()));
     }
-    let mut other =
-        agent(QAttentionSettings { zoom_half_widths: vec![], translation_regularisation: vec![1.0], ..test_settings() });
+    let mut other = agent(QAttentionSettings {
+        zoom_half_widths: vec![],
+        translation_regularisation: vec![1.0],
+        ..test_settings()
+    });
     assert!(other.restore(&straight.state()).is_err());
 }
 
@@ -117,7 +147,10 @@ fn a_decision_is_the_best_of_its_values() {
     }
     let chosen = agent.codec().decode(&decision.action);
     assert_eq!(decision.goal.pose, nearest_grasp(chosen.pose, scene(0).0.proprio.grip.rotation));
-    assert_eq!((decision.goal.pose.translation, decision.goal.gripper), (chosen.pose.translation, chosen.gripper));
+    assert_eq!(
+        (decision.goal.pose.translation, decision.goal.gripper),
+        (chosen.pose.translation, chosen.gripper)
+    );
     assert_eq!(agent.act(&scene(0).0, Weights::Target).goal, decision.goal);
 }
 
@@ -129,7 +162,8 @@ fn a_hand_does_not_turn_to_the_other_side_of_the_same_grasp() {
     // The hand is already there, on the other side.
     seen.proprio.grip.rotation = chosen * Quat::from_rotation_z(PI);
     let again = agent.act(&seen, Weights::Target);
-    let expected = nearest_grasp(agent.codec().decode(&again.action).pose, seen.proprio.grip.rotation);
+    let expected =
+        nearest_grasp(agent.codec().decode(&again.action).pose, seen.proprio.grip.rotation);
     assert_eq!(again.goal.pose, expected);
     let angle = |rotation: Quat| rotation.angle_between(seen.proprio.grip.rotation);
     assert!(angle(expected.rotation) <= angle(expected.rotation * Quat::from_rotation_z(PI)));
@@ -138,7 +172,13 @@ fn a_hand_does_not_turn_to_the_other_side_of_the_same_grasp() {
 #[test]
 fn gradients_of_the_loss_are_its_differences() {
     let settings = QAttentionSettings {
-        network: NetworkSettings::Fast { cell_channels: 3, block_channels: 4, head_channels: 2, hidden: 5, harmonics: 2 },
+        network: NetworkSettings::Fast {
+            cell_channels: 3,
+            block_channels: 4,
+            head_channels: 2,
+            hidden: 5,
+            harmonics: 2,
+        },
         ..test_settings()
     };
     let plain = Backend::Flex.device();
@@ -146,7 +186,10 @@ fn gradients_of_the_loss_are_its_differences() {
     let network = QNetwork::new(&settings, Heads::Pose, &plain, rng);
     // Output layers start at zero, where nothing before them has a gradient.
     let mut tensors = export(&network);
-    tensors.iter_mut().flat_map(|tensor| &mut tensor.values).for_each(|value| *value += rng.random_range(-0.1..0.1));
+    tensors
+        .iter_mut()
+        .flat_map(|tensor| &mut tensor.values)
+        .for_each(|value| *value += rng.random_range(-0.1..0.1));
     let network = import(network, &tensors).expect("its own tensors");
     let leaves = network.clone().train();
     let gradients = loss_of(&leaves, &plain.clone().autodiff()).backward();
@@ -156,23 +199,36 @@ fn gradients_of_the_loss_are_its_differences() {
         let mut tensors: Vec<NamedTensor> = tensors.clone();
         // Along the gradient itself, where the difference is largest.
         let norm = gradients[k].iter().map(|g| g * g).sum::<f32>().sqrt().max(1e-9);
-        tensors[k].values.iter_mut().zip(&gradients[k]).for_each(|(value, g)| *value += by * g / norm);
+        tensors[k]
+            .values
+            .iter_mut()
+            .zip(&gradients[k])
+            .for_each(|(value, g)| *value += by * g / norm);
         let network = import(network.clone(), &tensors).expect("its own tensors");
         values(loss_of(&network, &plain))[0]
     };
     for (k, gradient) in gradients.iter().enumerate() {
         let norm = gradient.iter().map(|g| g * g).sum::<f32>().sqrt();
         let slope = (moved(k, step) - moved(k, -step)) / (2.0 * step);
-        assert!((slope - norm).abs() <= 0.03 * norm + 1e-3, "{}: slope {slope}, gradient {norm}", tensors[k].name);
+        assert!(
+            (slope - norm).abs() <= 0.03 * norm + 1e-3,
+            "{}: slope {slope}, gradient {norm}",
+            tensors[k].name
+        );
     }
 }
 
 fn loss_of(network: &QNetwork, device: &burn::tensor::Device) -> Tensor<1> {
     let rng: &mut Rng = &mut stream(4, Stream::Noise, 0);
     let n_voxels = 512;
-    let random = |n: usize, rng: &mut Rng| (0..n).map(|_| rng.random_range(-1.0..1.0)).collect::<Vec<f32>>();
+    let random =
+        |n: usize, rng: &mut Rng| (0..n).map(|_| rng.random_range(-1.0..1.0)).collect::<Vec<f32>>();
     let input = NetworkInput {
-        voxels: tensor(random(2 * VOXEL_CHANNELS * n_voxels, rng), [2, VOXEL_CHANNELS, n_voxels], device),
+        voxels: tensor(
+            random(2 * VOXEL_CHANNELS * n_voxels, rng),
+            [2, VOXEL_CHANNELS, n_voxels],
+            device,
+        ),
         proprio: tensor(random(22, rng), [2, 11], device),
     };
     let ints = |values: Vec<i32>| TensorData::new(values, [2, 1]);
@@ -184,9 +240,16 @@ fn loss_of(network: &QNetwork, device: &burn::tensor::Device) -> Tensor<1> {
         )),
     };
     let column = |values: Vec<f32>| tensor(values, [2], device);
-    let rows = loss::Rows { targets: column(vec![1.0, 0.3]), weights: column(vec![1.0, 0.5]), imitated: column(vec![1.0, 0.0]) };
-    let loss_weights =
-        loss::LossWeights { translation: 1.0, rotation: 1.0, imitation: Some(Imitation { weight: 0.1, temperature: 0.2 }) };
+    let rows = loss::Rows {
+        targets: column(vec![1.0, 0.3]),
+        weights: column(vec![1.0, 0.5]),
+        imitated: column(vec![1.0, 0.0]),
+    };
+    let loss_weights = loss::LossWeights {
+        translation: 1.0,
+        rotation: 1.0,
+        imitation: Some(Imitation { weight: 0.1, temperature: 0.2 }),
+    };
     depth_loss(&network.forward(input), &choices, rows, loss_weights).total
 }
 
@@ -194,7 +257,9 @@ fn collect(leaves: &QNetwork, gradients: Gradients) -> Vec<Vec<f32>> {
     struct Collector(Gradients, Vec<Vec<f32>>);
     impl ModuleVisitor for Collector {
         fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
-            self.1.push(values(param.val().grad(&self.0).expect("the loss depends on every parameter")));
+            self.1.push(values(
+                param.val().grad(&self.0).expect("the loss depends on every parameter"),
+            ));
         }
     }
     let mut collector = Collector(gradients, Vec::new());

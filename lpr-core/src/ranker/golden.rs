@@ -51,7 +51,11 @@ struct Owned(RankerContext, RankedPath);
 
 impl Sample {
     fn owned(&self) -> Owned {
-        let context = RankerContext { goal: self.goal.next_best_pose(), gripper_open: self.gripper_open, time: self.time };
+        let context = RankerContext {
+            goal: self.goal.next_best_pose(),
+            gripper_open: self.gripper_open,
+            time: self.time,
+        };
         let path = JointPath::new(self.configs.clone()).expect("at least two configurations");
         Owned(context, RankedPath { path, collides: self.collides })
     }
@@ -65,7 +69,8 @@ impl Owned {
 
 #[test]
 fn values_updates_and_parameters_are_those_of_pytorch() {
-    let cases: Vec<Case> = serde_json::from_str(REFERENCE).expect("written by tests/peers/networks.py");
+    let cases: Vec<Case> =
+        serde_json::from_str(REFERENCE).expect("written by tests/peers/networks.py");
     assert_eq!(cases.len(), 3);
     for &backend in BACKENDS {
         cases.iter().for_each(|case| check_case(case, backend));
@@ -73,16 +78,22 @@ fn values_updates_and_parameters_are_those_of_pytorch() {
 }
 
 fn check_case(case: &Case, backend: Backend) {
-    let mut ranker = Ranker::new(&case.settings, &PANDA, backend, &mut stream(0, Stream::Init, 0)).expect("valid settings");
+    let mut ranker = Ranker::new(&case.settings, &PANDA, backend, &mut stream(0, Stream::Init, 0))
+        .expect("valid settings");
     let Networks { online, target } = &case.before;
     let adam = ranker.state().adam;
-    ranker.restore(&RankerState { online: online.clone(), target: target.clone(), adam }).expect("tensors of these settings");
+    ranker
+        .restore(&RankerState { online: online.clone(), target: target.clone(), adam })
+        .expect("tensors of these settings");
 
     let taken: Vec<_> = case.batch.iter().map(|transition| transition.taken.owned()).collect();
-    let next: Vec<_> = case.batch.iter().map(|transition| transition.next.as_ref().map(Sample::owned)).collect();
+    let next: Vec<_> =
+        case.batch.iter().map(|transition| transition.next.as_ref().map(Sample::owned)).collect();
     let values: Vec<_> = taken
         .iter()
-        .map(|Owned(context, path)| ranker.values(context, core::slice::from_ref(path)).expect("one path")[0])
+        .map(|Owned(context, path)| {
+            ranker.values(context, core::slice::from_ref(path)).expect("one path")[0]
+        })
         .collect();
     assert_close("values", &values, &case.values, 1e-5);
 

@@ -2,7 +2,10 @@
 
 use super::{Critics, RankedPath, RankerContext, RankerInput, RankerSample, RankerSettings};
 use crate::error::{Error, Result};
-use crate::nn::{GOAL_FEATURES, JointScale, Mlp, POSE_FEATURES, Spread, goal_features, pose_features, tensor, values};
+use crate::nn::{
+    GOAL_FEATURES, JointScale, Mlp, POSE_FEATURES, Spread, goal_features, pose_features, tensor,
+    values,
+};
 use crate::rng::Rng;
 use crate::robot::{DOF, JointConfig, Robot};
 
@@ -10,12 +13,14 @@ use burn::module::Module;
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 
-/// Numbers of the context: start and goal configuration, next-best pose, collides, gripper open, time.
+/// Numbers of the context: start and goal configuration, next-best pose, collides, gripper open,
+/// time.
 const CONTEXT_FEATURES: usize = 2 * DOF + GOAL_FEATURES + 3;
 
 /// Numbers of a grip pose in the frame of the goal: position and two columns of the rotation.
 const GRIP_FEATURES: usize = POSE_FEATURES;
-/// Length that a position feature of 1 stands for, metres: the scale of the motions that hinges and slides ask for.
+/// Length that a position feature of 1 stands for, metres: the scale of the motions that hinges and
+/// slides ask for.
 const GRIP_SCALE: f32 = 0.2;
 
 /// Numbers of one configuration.
@@ -44,12 +49,17 @@ pub(super) struct Critic {
 
 impl Critic {
     pub(super) fn new(settings: &RankerSettings, device: &Device, rng: &mut Rng) -> Self {
-        let encoder_widths: Vec<_> =
-            [config_features(settings.input)].into_iter().chain(settings.config_widths.iter().copied()).collect();
+        let encoder_widths: Vec<_> = [config_features(settings.input)]
+            .into_iter()
+            .chain(settings.config_widths.iter().copied())
+            .collect();
         let pooled = encoder_widths[encoder_widths.len() - 1];
         let n_context = context_features(settings.input);
-        let head_widths: Vec<_> =
-            [pooled + n_context].into_iter().chain(settings.head_widths.iter().copied()).chain([1]).collect();
+        let head_widths: Vec<_> = [pooled + n_context]
+            .into_iter()
+            .chain(settings.head_widths.iter().copied())
+            .chain([1])
+            .collect();
         Self {
             encoder: Mlp::new(&encoder_widths, Spread::Kaiming { slope: 0.0 }, device, rng),
             head: Mlp::new(&head_widths, Spread::Xavier, device, rng),
@@ -63,8 +73,10 @@ impl Critic {
         let [n_paths, path_len] = input.dims;
         let features = self.encoder.forward(input.configs.clone());
         let width = features.dims()[1];
-        // ReLU after the maximum instead of before: the same values and gradients on 1/T of the numbers.
-        let pooled = relu(features.reshape([n_paths, path_len, width]).max_dim(1).reshape([n_paths, width]));
+        // ReLU after the maximum instead of before: the same values and gradients on 1/T of the
+        // numbers.
+        let pooled =
+            relu(features.reshape([n_paths, path_len, width]).max_dim(1).reshape([n_paths, width]));
         let pooled = match &input.context {
             Some(context) => Tensor::cat(vec![pooled, context.clone()], 1),
             None => pooled,
@@ -102,7 +114,8 @@ impl RankerNetwork {
 /// A batch of paths as tensors.
 #[derive(Debug)]
 pub(super) struct PathTensors {
-    /// `[B * T, J]`, scaled joint angles; with [`RankerInput::Grip`] followed by the grip in the frame of the goal.
+    /// `[B * T, J]`, scaled joint angles; with [`RankerInput::Grip`] followed by the grip in the
+    /// frame of the goal.
     configs: Tensor<2>,
     /// `[B, context_features]`.
     context: Option<Tensor<2>>,
@@ -122,7 +135,11 @@ impl Encoding {
     /// # Errors
     ///
     /// [`Error::Shape`] without samples, or when their paths differ in length.
-    pub(super) fn encode(&self, samples: &[RankerSample<'_>], device: &Device) -> Result<PathTensors> {
+    pub(super) fn encode(
+        &self,
+        samples: &[RankerSample<'_>],
+        device: &Device,
+    ) -> Result<PathTensors> {
         let Some(first) = samples.first() else {
             return Err(shape_error("at least one path".to_owned(), "none".to_owned()));
         };
@@ -133,7 +150,10 @@ impl Encoding {
         for sample in samples {
             let found = sample.path.path.configs();
             if found.len() != path_len {
-                return Err(shape_error(format!("[{path_len}, {DOF}]"), format!("[{}, {DOF}]", found.len())));
+                return Err(shape_error(
+                    format!("[{path_len}, {DOF}]"),
+                    format!("[{}, {DOF}]", found.len()),
+                ));
             }
             for config in found {
                 configs.extend(self.joint_scale.apply(config));
@@ -150,10 +170,15 @@ impl Encoding {
         }
         let dims = [samples.len(), path_len];
         let context = (n_context > 0).then(|| tensor(context, [samples.len(), n_context], device));
-        Ok(PathTensors { configs: tensor(configs, [dims[0] * dims[1], n_config], device), context, dims })
+        Ok(PathTensors {
+            configs: tensor(configs, [dims[0] * dims[1], n_config], device),
+            context,
+            dims,
+        })
     }
 
-    /// The grip of a configuration seen from the goal: the same hinge gives the same numbers wherever it stands.
+    /// The grip of a configuration seen from the goal: the same hinge gives the same numbers
+    /// wherever it stands.
     fn grip_features(&self, config: &JointConfig, context: &RankerContext) -> [f32; GRIP_FEATURES] {
         let mut in_goal = context.goal.pose.inverse() * self.robot.grip(config);
         in_goal.translation /= GRIP_SCALE;
@@ -168,7 +193,11 @@ impl Encoding {
         configs[..DOF].copy_from_slice(&self.joint_scale.apply(path.start()));
         configs[DOF..].copy_from_slice(&self.joint_scale.apply(path.goal()));
         rest[..GOAL_FEATURES].copy_from_slice(&goal_features(&context.goal));
-        rest[GOAL_FEATURES..].copy_from_slice(&[f32::from(u8::from(*collides)), context.gripper_open, context.time]);
+        rest[GOAL_FEATURES..].copy_from_slice(&[
+            f32::from(u8::from(*collides)),
+            context.gripper_open,
+            context.time,
+        ]);
         features
     }
 }

@@ -1,7 +1,7 @@
 //! Experience: transitions and the prioritised buffer that holds them (Schaul et al. 2016).
 //!
-//! Sampling is proportional to `priority ^ α` and not stratified, as in the released code. New rows take the largest priority
-//! ever set, so that everything is seen soon.
+//! Sampling is proportional to `priority ^ α` and not stratified, as in the released code. New rows
+//! take the largest priority ever set, so that everything is seen soon.
 
 mod sum_tree;
 mod transition;
@@ -26,7 +26,8 @@ pub struct ReplaySettings {
     pub capacity: usize,
     /// Exponent of priorities: 0 samples uniformly (`α` in Schaul et al.).
     pub priority_exponent: f32,
-    /// Exponent of importance weights: 1 corrects the bias of the sampling fully (`β` in Schaul et al.).
+    /// Exponent of importance weights: 1 corrects the bias of the sampling fully (`β` in Schaul et
+    /// al.).
     pub importance_exponent: f32,
 }
 
@@ -73,11 +74,15 @@ impl<T> Replay<T> {
         if settings.capacity == 0 {
             return Err(Error::Config("replay.capacity: expected at least 1, found 0".to_owned()));
         }
-        let exponents =
-            [("priority_exponent", settings.priority_exponent), ("importance_exponent", settings.importance_exponent)];
+        let exponents = [
+            ("priority_exponent", settings.priority_exponent),
+            ("importance_exponent", settings.importance_exponent),
+        ];
         for (name, exponent) in exponents {
             if !(exponent.is_finite() && exponent >= 0.0) {
-                return Err(Error::Config(format!("replay.{name}: expected at least 0, found {exponent}")));
+                return Err(Error::Config(format!(
+                    "replay.{name}: expected at least 0, found {exponent}"
+                )));
             }
         }
         Ok(Self {
@@ -109,11 +114,18 @@ impl<T> Replay<T> {
         if self.rows.is_empty() {
             return Vec::new();
         }
-        let slots: Vec<_> = (0..batch_size).map(|_| self.tree.find(rng.random::<f64>() * self.tree.total())).collect();
+        let slots: Vec<_> = (0..batch_size)
+            .map(|_| self.tree.find(rng.random::<f64>() * self.tree.total()))
+            .collect();
         // The factor `n` of (n P)^-β cancels with the division by the largest weight.
-        let weight = |slot: usize| libm::pow(self.tree.get(slot), -f64::from(self.settings.importance_exponent));
+        let weight = |slot: usize| {
+            libm::pow(self.tree.get(slot), -f64::from(self.settings.importance_exponent))
+        };
         let largest = slots.iter().map(|&slot| weight(slot)).fold(0.0, f64::max);
-        slots.into_iter().map(|slot| Draw { row: self.row_of(slot), weight: (weight(slot) / largest) as f32 }).collect()
+        slots
+            .into_iter()
+            .map(|slot| Draw { row: self.row_of(slot), weight: (weight(slot) / largest) as f32 })
+            .collect()
     }
 
     /// The row that a draw names, unless it was overwritten since.
@@ -122,17 +134,21 @@ impl<T> Replay<T> {
         self.is_held(draw.row).then(|| &self.rows[self.slot(draw.row)])
     }
 
-    /// Sets new priorities, usually the absolute temporal differences; overwritten rows are skipped.
+    /// Sets new priorities, usually the absolute temporal differences; overwritten rows are
+    /// skipped.
     ///
     /// # Errors
     ///
-    /// [`Error::Shape`] when the numbers differ, or when a priority is negative or not finite; nothing changes then.
+    /// [`Error::Shape`] when the numbers differ, or when a priority is negative or not finite;
+    /// nothing changes then.
     pub fn update_priorities(&mut self, draws: &[Draw], priorities: &[f32]) -> Result<()> {
         if draws.len() != priorities.len() {
             let (expected, found) = (draws.len().to_string(), priorities.len().to_string());
             return Err(Error::Shape { what: "priorities", expected, found });
         }
-        if let Some(priority) = priorities.iter().find(|priority| !(priority.is_finite() && **priority >= 0.0)) {
+        if let Some(priority) =
+            priorities.iter().find(|priority| !(priority.is_finite() && **priority >= 0.0))
+        {
             let expected = "finite numbers from 0".to_owned();
             return Err(Error::Shape { what: "priorities", expected, found: priority.to_string() });
         }
@@ -162,17 +178,23 @@ impl<T> Replay<T> {
     /// What a checkpoint stores beside the rows.
     #[must_use]
     pub fn state(&self) -> ReplayState {
-        ReplayState { added: self.added, priorities: self.priorities.clone(), max_priority: self.max_priority }
+        ReplayState {
+            added: self.added,
+            priorities: self.priorities.clone(),
+            max_priority: self.max_priority,
+        }
     }
 
     /// The buffer of a checkpoint, with `rows` in the order of [`Replay::rows`].
     ///
     /// # Errors
     ///
-    /// [`Error::Checkpoint`] when rows, priorities and the count contradict each other or the capacity.
+    /// [`Error::Checkpoint`] when rows, priorities and the count contradict each other or the
+    /// capacity.
     pub fn restore(settings: &ReplaySettings, rows: Vec<T>, state: ReplayState) -> Result<Self> {
         let mut replay = Self::new(settings)?;
-        let held = usize::try_from(state.added).map_or(settings.capacity, |added| added.min(settings.capacity));
+        let held = usize::try_from(state.added)
+            .map_or(settings.capacity, |added| added.min(settings.capacity));
         if rows.len() != held || state.priorities.len() != held {
             return Err(Error::Checkpoint(format!(
                 "replay: expected {held} rows and priorities, found {} and {}",
@@ -181,8 +203,12 @@ impl<T> Replay<T> {
             )));
         }
         let all = state.priorities.iter().chain([&state.max_priority]);
-        if let Some(priority) = all.into_iter().find(|priority| !(priority.is_finite() && **priority > 0.0)) {
-            return Err(Error::Checkpoint(format!("replay: expected positive priorities, found {priority}")));
+        if let Some(priority) =
+            all.into_iter().find(|priority| !(priority.is_finite() && **priority > 0.0))
+        {
+            return Err(Error::Checkpoint(format!(
+                "replay: expected positive priorities, found {priority}"
+            )));
         }
         for (slot, &priority) in state.priorities.iter().enumerate() {
             replay.tree.set(slot, replay.mass(priority));
@@ -249,7 +275,9 @@ mod tests {
     #[test]
     fn importance_weights_undo_the_priorities() {
         let mut replay = filled(4, 4);
-        replay.update_priorities(&[0, 1, 2, 3].map(draw), &[1.0, 2.0, 4.0, 8.0]).expect("four priorities");
+        replay
+            .update_priorities(&[0, 1, 2, 3].map(draw), &[1.0, 2.0, 4.0, 8.0])
+            .expect("four priorities");
         let draws = replay.sample(200, &mut stream(1, Stream::Replay, 0));
         let weighted = |draw: &Draw| draw.weight * replay.state().priorities[draw.row as usize];
         let first = weighted(&draws[0]);
@@ -284,7 +312,12 @@ mod tests {
         assert!(replay.update_priorities(&[draw(0)], &[]).is_err());
         assert!(replay.update_priorities(&[draw(0)], &[f32::NAN]).is_err());
         assert!(Replay::restore(&settings(3), vec![1_u32], replay.state()).is_err());
-        assert!(Replay::<u32>::new(&settings(3)).expect("valid").sample(4, &mut stream(0, Stream::Replay, 0)).is_empty());
+        assert!(
+            Replay::<u32>::new(&settings(3))
+                .expect("valid")
+                .sample(4, &mut stream(0, Stream::Replay, 0))
+                .is_empty()
+        );
     }
 
     proptest! {

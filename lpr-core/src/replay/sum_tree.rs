@@ -33,7 +33,8 @@ impl SumTree {
         }
     }
 
-    /// The slot in which `at` falls when the masses lie side by side; never one without mass as long as any has mass.
+    /// The slot in which `at` falls when the masses lie side by side; never one without mass as
+    /// long as any has mass.
     pub(super) fn find(&self, mut at: f64) -> usize {
         let mut node = 1;
         while node < self.n_leaves {

@@ -1,7 +1,8 @@
 //! What one macro action taught: rows for Q-attention, ranker and policy alike.
 //!
-//! A step holds what was seen and what was decided; a transition links two successive steps. Both rows that touch a step share it,
-//! so an observation is stored once. The type of observations is open: a buffer for the ranker alone needs none (`()`).
+//! A step holds what was seen and what was decided; a transition links two successive steps. Both
+//! rows that touch a step share it, so an observation is stored once. The type of observations is
+//! open: a buffer for the ranker alone needs none (`()`).
 
 use crate::error::{Error, Result};
 use crate::path::Source;
@@ -27,7 +28,8 @@ pub struct Decision {
 pub struct Step<O> {
     /// What the agent saw: `o` in the paper, with proprioception.
     pub observation: O,
-    /// What it decided; after the last step of a truncated episode it decides once more without acting.
+    /// What it decided; after the last step of a truncated episode it decides once more without
+    /// acting.
     pub decision: Decision,
 }
 
@@ -40,7 +42,8 @@ pub struct Transition<O> {
     pub next: Option<Arc<Step<O>>>,
     /// Reward: 1 on success, else 0.
     pub reward: f32,
-    /// Whether the step was the last allowed one of its episode; values still bootstrap from `next`.
+    /// Whether the step was the last allowed one of its episode; values still bootstrap from
+    /// `next`.
     pub truncated: bool,
     /// Whether the episode ended in success: paths of such episodes teach the policy.
     pub episode_success: bool,
@@ -59,14 +62,23 @@ impl<O> Transition<O> {
     #[must_use]
     pub fn for_ranker(&self, weight: f32) -> RankerTransition<'_> {
         let next = self.next.as_ref().map(|step| step.decision.ranker_sample());
-        RankerTransition { taken: self.step.decision.ranker_sample(), reward: self.reward, next, weight }
+        RankerTransition {
+            taken: self.step.decision.ranker_sample(),
+            reward: self.reward,
+            next,
+            weight,
+        }
     }
 
     /// The policy's view; none unless the episode ended in success.
     #[must_use]
     pub fn for_policy(&self, weight: f32) -> Option<PolicySample<'_>> {
         let Decision { context, taken, .. } = &self.step.decision;
-        self.episode_success.then_some(PolicySample { path: &taken.path, goal: &context.goal, weight })
+        self.episode_success.then_some(PolicySample {
+            path: &taken.path,
+            goal: &context.goal,
+            weight,
+        })
     }
 }
 
@@ -109,7 +121,8 @@ pub fn split_steps<O>(transitions: &[Transition<O>]) -> (Vec<Arc<Step<O>>>, Vec<
     };
     for transition in transitions {
         let Transition { reward, truncated, episode_success, is_demo, .. } = *transition;
-        let (step, next) = (index_of(&transition.step), transition.next.as_ref().map(&mut index_of));
+        let (step, next) =
+            (index_of(&transition.step), transition.next.as_ref().map(&mut index_of));
         rows.push(TransitionRow { step, next, reward, truncated, episode_success, is_demo });
     }
     (steps, rows)
@@ -122,14 +135,23 @@ pub fn split_steps<O>(transitions: &[Transition<O>]) -> (Vec<Arc<Step<O>>>, Vec<
 /// [`Error::Checkpoint`] when a row names a step that is not there.
 pub fn join_steps<O>(steps: &[Arc<Step<O>>], rows: &[TransitionRow]) -> Result<Vec<Transition<O>>> {
     let step_at = |idx: usize| {
-        let missing = || Error::Checkpoint(format!("replay: a transition names step {idx} of {}", steps.len()));
+        let missing = || {
+            Error::Checkpoint(format!("replay: a transition names step {idx} of {}", steps.len()))
+        };
         steps.get(idx).cloned().ok_or_else(missing)
     };
     rows.iter()
         .map(|row| {
             let TransitionRow { reward, truncated, episode_success, is_demo, .. } = *row;
             let next = row.next.map(step_at).transpose()?;
-            Ok(Transition { step: step_at(row.step)?, next, reward, truncated, episode_success, is_demo })
+            Ok(Transition {
+                step: step_at(row.step)?,
+                next,
+                reward,
+                truncated,
+                episode_success,
+                is_demo,
+            })
         })
         .collect()
 }
@@ -151,7 +173,10 @@ mod tests {
                 observation: number,
                 decision: Decision {
                     context: RankerContext { goal, gripper_open: 1.0, time: 0.0 },
-                    taken: RankedPath { path: JointPath::new(configs).expect("two configurations"), collides: false },
+                    taken: RankedPath {
+                        path: JointPath::new(configs).expect("two configurations"),
+                        collides: false,
+                    },
                     source: Some(Source::Bezier),
                 },
             })

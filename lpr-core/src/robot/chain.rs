@@ -1,8 +1,10 @@
 //! A serial arm that is described at run time, as joints, links and spheres.
 //!
-//! Body 0 is the base, whose frame is the world; body `i` is what joint `i` (counted from 1) carries, and its frame is the
-//! joint's after its motion: `world_from_body_i = world_from_body_(i-1) · parent_from_joint · M(q)` with `M = Rz` for a joint that
-//! turns and `M = Tz` for one that slides. A joint with another axis has the turn of its axis in the fixed transforms.
+//! Body 0 is the base, whose frame is the world; body `i` is what joint `i` (counted from 1)
+//! carries, and its frame is the joint's after its motion:
+//! `world_from_body_i = world_from_body_(i-1) · parent_from_joint · M(q)` with `M = Rz` for a joint
+//! that turns and `M = Tz` for one that slides. A joint with another axis has the turn of its axis
+//! in the fixed transforms.
 
 use super::{DOF, JointConfig, Robot, Sphere};
 use glamx::{DPose3, DQuat, DVec3, Pose3};
@@ -10,9 +12,11 @@ use glamx::{DPose3, DQuat, DVec3, Pose3};
 /// Number of bodies of the longest chain: the base and one for each joint.
 pub const N_BODIES: usize = DOF + 1;
 
-/// A serial arm of at most [`DOF`] joints between its base and its tip, and the links that they carry.
+/// A serial arm of at most [`DOF`] joints between its base and its tip, and the links that they
+/// carry.
 ///
-/// An arm with fewer joints takes the first entries of a [`JointConfig`]; the others are ignored, and their limits are 0 and 0.
+/// An arm with fewer joints takes the first entries of a [`JointConfig`]; the others are ignored,
+/// and their limits are 0 and 0.
 ///
 /// A crane with one joint that lifts and one that turns:
 ///
@@ -94,13 +98,15 @@ pub enum Motion {
 pub struct ChainLink {
     /// Name of the link.
     pub name: String,
-    /// Index of the body that it is part of: 0 for the base, `i` for what joint `i` (counted from 1) carries.
+    /// Index of the body that it is part of: 0 for the base, `i` for what joint `i` (counted from
+    /// 1) carries.
     pub body: usize,
     /// The link's own frame in the body's.
     pub body_from_link: DPose3,
     /// Collision spheres in the frame of the body.
     pub spheres: Vec<Sphere>,
-    /// Furthest that a sphere reaches beyond the geometry it was fitted to, metres; 0 where the geometry is spheres.
+    /// Furthest that a sphere reaches beyond the geometry it was fitted to, metres; 0 where the
+    /// geometry is spheres.
     pub overshoot: f32,
 }
 
@@ -125,7 +131,11 @@ impl Chain {
             upper: joint.upper,
             max_velocity: joint.max_velocity,
         });
-        let links = robot.spheres.iter().enumerate().map(|(frame, spheres)| built_in_link(robot, frame, spheres));
+        let links = robot
+            .spheres
+            .iter()
+            .enumerate()
+            .map(|(frame, spheres)| built_in_link(robot, frame, spheres));
         let mut allowed_self_collisions = robot.allowed_self_collisions.to_vec();
         allowed_self_collisions.sort_unstable();
         Self {
@@ -146,16 +156,22 @@ impl Chain {
     /// Lower and upper limit of every entry of a configuration, radians or metres.
     #[must_use]
     pub fn limits(&self) -> [(f32, f32); DOF] {
-        core::array::from_fn(|j| self.joints.get(j).map_or((0.0, 0.0), |joint| (joint.lower, joint.upper)))
+        core::array::from_fn(|j| {
+            self.joints.get(j).map_or((0.0, 0.0), |joint| (joint.lower, joint.upper))
+        })
     }
 
     /// Whether every joint is within its limits; entries without a joint are ignored.
     #[must_use]
     pub fn within_limits(&self, config: &JointConfig) -> bool {
-        self.joints.iter().zip(config.iter()).all(|(joint, &q)| joint.lower <= q && q <= joint.upper)
+        self.joints
+            .iter()
+            .zip(config.iter())
+            .all(|(joint, &q)| joint.lower <= q && q <= joint.upper)
     }
 
-    /// `world_from_body` of the base and what every joint carries, in f64; entries without a joint repeat the last body.
+    /// `world_from_body` of the base and what every joint carries, in f64; entries without a joint
+    /// repeat the last body.
     ///
     /// ```
     /// use lpr_core::glamx::DPose3;
@@ -225,12 +241,21 @@ fn built_in_link(robot: &Robot, frame: usize, spheres: &[Sphere]) -> ChainLink {
         link => (format!("link{link}"), DPose3::IDENTITY),
     };
     let spheres = moved(spheres, &body_from_link);
-    ChainLink { name, body: frame.min(DOF), body_from_link, spheres, overshoot: super::MAX_OVERSHOOT }
+    ChainLink {
+        name,
+        body: frame.min(DOF),
+        body_from_link,
+        spheres,
+        overshoot: super::MAX_OVERSHOOT,
+    }
 }
 
 /// The spheres in another frame.
 pub(super) fn moved(spheres: &[Sphere], to_from_here: &DPose3) -> Vec<Sphere> {
-    let moved = |sphere: &Sphere| Sphere { center: (*to_from_here * sphere.center.as_dvec3()).as_vec3(), ..*sphere };
+    let moved = |sphere: &Sphere| Sphere {
+        center: (*to_from_here * sphere.center.as_dvec3()).as_vec3(),
+        ..*sphere
+    };
     spheres.iter().map(moved).collect()
 }
 
@@ -304,6 +329,9 @@ mod tests {
         let rest = JointConfig([0.1, 0.2, 0.0, 0.0, 0.0, 0.0, 0.0]);
         assert_eq!(crane.tip(&config), crane.tip(&rest));
         assert!(crane.within_limits(&config));
-        assert_eq!((crane.dof(), crane.limits()[1], crane.limits()[2]), (2, (-0.5, 1.5), (0.0, 0.0)));
+        assert_eq!(
+            (crane.dof(), crane.limits()[1], crane.limits()[2]),
+            (2, (-0.5, 1.5), (0.0, 0.0))
+        );
     }
 }

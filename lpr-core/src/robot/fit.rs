@@ -1,15 +1,18 @@
 //! Spheres that cover the geometry of a link.
 //!
-//! A ball is itself, a capsule is a row of spheres. Boxes, cylinders and meshes go through a grid (`fit/grid.rs`): balls that
-//! fit inside the solid, found on the grid, are enlarged by one and the same tolerance; a few of them are chosen that cover the
-//! surface, and each is then made as small as it may be. The tolerance grows until [`MAX_SPHERES`] are enough.
+//! A ball is itself, a capsule is a row of spheres. Boxes, cylinders and meshes go through a grid
+//! (`fit/grid.rs`): balls that fit inside the solid, found on the grid, are enlarged by one and the
+//! same tolerance; a few of them are chosen that cover the surface, and each is then made as small
+//! as it may be. The tolerance grows until [`MAX_SPHERES`] are enough.
 //!
-//! What is covered, without exception: every point of the surface (of a mesh: of its triangles), and every cell of the grid that
-//! the surface encloses. A mesh need not be closed, convex or oriented; what has a hole wider than a cell encloses nothing, and
-//! is covered along its surface only.
+//! What is covered, without exception: every point of the surface (of a mesh: of its triangles),
+//! and every cell of the grid that the surface encloses. A mesh need not be closed, convex or
+//! oriented; what has a hole wider than a cell encloses nothing, and is covered along its surface
+//! only.
 //!
-//! The overshoot of a sphere is its radius less the distance of its centre from the surface, in which the errors of the grid are
-//! taken at their worst: no point of the sphere is further from the solid.
+//! The overshoot of a sphere is its radius less the distance of its centre from the surface, in
+//! which the errors of the grid are taken at their worst: no point of the sphere is further from
+//! the solid.
 
 mod choice;
 mod grid;
@@ -28,7 +31,8 @@ pub const MAX_SPHERES: usize = 32;
 const TARGET_OVERSHOOT: f64 = 0.01;
 /// By which the allowed overshoot grows while there are too many spheres.
 const GROWTH: f64 = 1.08;
-/// Room for the rounding of centres and radii to f32, as a share of their size; twenty units in the last place.
+/// Room for the rounding of centres and radii to f32, as a share of their size; twenty units in the
+/// last place.
 const ROUNDING: f64 = 2e-6;
 
 /// Geometry around its own origin, lengths in metres. Cylinders and capsules lie along z.
@@ -65,9 +69,10 @@ pub(super) struct Cover {
 /// The spheres of a solid; the message of a mesh that is too large to sample is the only failure.
 pub(super) fn cover(solid: &Solid) -> Result<Cover, String> {
     match solid {
-        Solid::Ball { radius } => {
-            Ok(Cover { spheres: vec![Sphere { center: glamx::Vec3::ZERO, radius: *radius as f32 }], overshoot: 0.0 })
-        }
+        Solid::Ball { radius } => Ok(Cover {
+            spheres: vec![Sphere { center: glamx::Vec3::ZERO, radius: *radius as f32 }],
+            overshoot: 0.0,
+        }),
         Solid::Capsule { radius, half_length } => Ok(row(*radius, *half_length)),
         Solid::Cuboid { half_extents } => cover_surface(&cuboid(*half_extents), 0.0),
         Solid::Cylinder { radius, half_length } => {
@@ -86,11 +91,16 @@ fn row(radius: f64, half_length: f64) -> Cover {
     let half_spacing = half_length / n_intervals;
     let needed = libm::sqrt(radius * radius + half_spacing * half_spacing);
     let center = |i: usize| DVec3::new(0.0, 0.0, half_spacing * (2.0 * i as f64 - n_intervals));
-    let balls = (0..=n_intervals as usize).map(|i| Ball { center: center(i), depth: radius, radius: needed });
+    let balls = (0..=n_intervals as usize).map(|i| Ball {
+        center: center(i),
+        depth: radius,
+        radius: needed,
+    });
     rounded(&balls.collect::<Vec<_>>())
 }
 
-/// Every point of the surface is within `gap` of a triangle, and the triangles are within the solid.
+/// Every point of the surface is within `gap` of a triangle, and the triangles are within the
+/// solid.
 fn cover_surface(triangles: &[Triangle], gap: f64) -> Result<Cover, String> {
     let grid = Grid::new(triangles, gap)?;
     let mut tolerance = grid.least_tolerance().max(TARGET_OVERSHOOT);
@@ -104,10 +114,15 @@ fn cover_surface(triangles: &[Triangle], gap: f64) -> Result<Cover, String> {
 
 /// The balls in f32, no smaller than before.
 fn rounded(balls: &[Ball]) -> Cover {
-    let radius = |ball: &Ball| ball.radius + ROUNDING * (ball.radius + ball.center.abs().max_element());
-    let sphere = |ball: &Ball| Sphere { center: ball.center.as_vec3(), radius: radius(ball) as f32 };
+    let radius =
+        |ball: &Ball| ball.radius + ROUNDING * (ball.radius + ball.center.abs().max_element());
+    let sphere =
+        |ball: &Ball| Sphere { center: ball.center.as_vec3(), radius: radius(ball) as f32 };
     let overshoot = balls.iter().fold(0.0, |most: f64, ball| most.max(radius(ball) - ball.depth));
-    Cover { spheres: balls.iter().map(sphere).collect(), overshoot: (overshoot * (1.0 + ROUNDING)) as f32 }
+    Cover {
+        spheres: balls.iter().map(sphere).collect(),
+        overshoot: (overshoot * (1.0 + ROUNDING)) as f32,
+    }
 }
 
 #[cfg(test)]

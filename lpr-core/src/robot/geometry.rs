@@ -32,19 +32,22 @@ pub(super) const fn n_covering(capsules: &[Capsule]) -> usize {
     total
 }
 
-/// Spheres whose union covers the capsules: equally spaced along each axis, as large as the lens between neighbours needs.
+/// Spheres whose union covers the capsules: equally spaced along each axis, as large as the lens
+/// between neighbours needs.
 pub(super) const fn covering<const N: usize>(capsules: &[Capsule]) -> [Sphere; N] {
     let mut spheres = [Sphere { center: Vec3::ZERO, radius: 0.0 }; N];
     let (mut i, mut written) = (0, 0);
     while i < capsules.len() {
         let Capsule { a, b, radius } = capsules[i];
         let n_intervals = n_intervals(&capsules[i]);
-        let half_spacing = if n_intervals == 0 { 0.0 } else { length(&capsules[i]) / (2 * n_intervals) as f32 };
+        let half_spacing =
+            if n_intervals == 0 { 0.0 } else { length(&capsules[i]) / (2 * n_intervals) as f32 };
         let radius = square_root(radius * radius + half_spacing * half_spacing);
         let mut step = 0;
         while step <= n_intervals {
             let t = if n_intervals == 0 { 0.0 } else { step as f32 / n_intervals as f32 };
-            let center = Vec3::new(a.x + t * (b.x - a.x), a.y + t * (b.y - a.y), a.z + t * (b.z - a.z));
+            let center =
+                Vec3::new(a.x + t * (b.x - a.x), a.y + t * (b.y - a.y), a.z + t * (b.z - a.z));
             spheres[written] = Sphere { center, radius };
             written += 1;
             step += 1;
@@ -54,7 +57,8 @@ pub(super) const fn covering<const N: usize>(capsules: &[Capsule]) -> [Sphere; N
     spheres
 }
 
-/// Fewest equal intervals of the axis for which spheres at their ends overshoot by no more than [`MAX_OVERSHOOT`].
+/// Fewest equal intervals of the axis for which spheres at their ends overshoot by no more than
+/// [`MAX_OVERSHOOT`].
 const fn n_intervals(capsule: &Capsule) -> usize {
     let largest = capsule.radius + MAX_OVERSHOOT;
     let spacing = 2.0 * square_root(largest * largest - capsule.radius * capsule.radius);
@@ -64,7 +68,8 @@ const fn n_intervals(capsule: &Capsule) -> usize {
 }
 
 const fn length(capsule: &Capsule) -> f32 {
-    let (x, y, z) = (capsule.b.x - capsule.a.x, capsule.b.y - capsule.a.y, capsule.b.z - capsule.a.z);
+    let (x, y, z) =
+        (capsule.b.x - capsule.a.x, capsule.b.y - capsule.a.y, capsule.b.z - capsule.a.z);
     square_root(x * x + y * y + z * z)
 }
 
@@ -107,7 +112,8 @@ pub struct Finger {
 }
 
 impl GripperSpec {
-    /// The fingers at that distance between the pads (metres, moved into 0 to `max_width`): at +y, then at -y.
+    /// The fingers at that distance between the pads (metres, moved into 0 to `max_width`): at +y,
+    /// then at -y.
     ///
     /// ```
     /// use lpr_core::robot::XARM7;
@@ -123,9 +129,16 @@ impl GripperSpec {
         [1.0, -1.0].map(|side| {
             let (pad, body) = (self.pad_half_extents, self.finger_half_extents);
             Finger {
-                pad: GripperBox { center: Vec3::new(0.0, side * (inner + pad.y), self.pad_offset_z), half_extents: pad },
+                pad: GripperBox {
+                    center: Vec3::new(0.0, side * (inner + pad.y), self.pad_offset_z),
+                    half_extents: pad,
+                },
                 body: GripperBox {
-                    center: Vec3::new(0.0, side * (inner + 2.0 * pad.y + body.y), self.finger_offset_z),
+                    center: Vec3::new(
+                        0.0,
+                        side * (inner + 2.0 * pad.y + body.y),
+                        self.finger_offset_z,
+                    ),
                     half_extents: body,
                 },
             }
@@ -147,7 +160,9 @@ impl Robot {
     pub fn self_collides(&self, config: &JointConfig) -> bool {
         let frames = self.link_frames(config);
         let pairs = (0..N_LINKS).flat_map(|a| (a + 1..N_LINKS).map(move |b| (a, b)));
-        pairs.filter(|pair| !self.allowed_self_collisions.contains(pair)).any(|pair| self.frames_overlap(&frames, pair))
+        pairs
+            .filter(|pair| !self.allowed_self_collisions.contains(pair))
+            .any(|pair| self.frames_overlap(&frames, pair))
     }
 
     fn frames_overlap(&self, frames: &[Pose3; N_LINKS], (a, b): (usize, usize)) -> bool {
@@ -187,17 +202,26 @@ mod tests {
                 for capsule in *capsules {
                     for _ in 0..2000 {
                         let mut within = || rng.random_range(-1.0f32..1.0);
-                        let offset = Vec3::new(within(), within(), within()).normalize_or_zero() * capsule.radius;
+                        let offset = Vec3::new(within(), within(), within()).normalize_or_zero()
+                            * capsule.radius;
                         let point = capsule.a.lerp(capsule.b, 0.5 + 0.5 * within()) + offset;
-                        let is_covered = spheres.iter().any(|ball| ball.center.distance(point) <= ball.radius + 1e-6);
+                        let is_covered = spheres
+                            .iter()
+                            .any(|ball| ball.center.distance(point) <= ball.radius + 1e-6);
                         assert!(is_covered, "{}: {point} of {capsule:?}", robot.name);
                     }
                 }
             }
             for link in 0..HAND {
                 for ball in robot.spheres[link] {
-                    let overshoot = robot.capsules[link].iter().map(|c| axis_distance(c, ball.center) + ball.radius - c.radius);
-                    assert!(overshoot.fold(f32::INFINITY, f32::min) <= MAX_OVERSHOOT + 1e-6, "{}: {ball:?}", robot.name);
+                    let overshoot = robot.capsules[link]
+                        .iter()
+                        .map(|c| axis_distance(c, ball.center) + ball.radius - c.radius);
+                    assert!(
+                        overshoot.fold(f32::INFINITY, f32::min) <= MAX_OVERSHOOT + 1e-6,
+                        "{}: {ball:?}",
+                        robot.name
+                    );
                 }
             }
         }
@@ -218,7 +242,11 @@ mod tests {
         for robot in ROBOTS {
             for _ in 0..500 {
                 let frames = robot.link_frames(&random_config(robot, &mut rng));
-                assert!((1..N_LINKS).all(|link| robot.frames_overlap(&frames, (link - 1, link))), "{}", robot.name);
+                assert!(
+                    (1..N_LINKS).all(|link| robot.frames_overlap(&frames, (link - 1, link))),
+                    "{}",
+                    robot.name
+                );
             }
         }
     }
@@ -228,13 +256,22 @@ mod tests {
         let mut rng = stream(3, Stream::Planner, 0);
         const N: usize = 4000;
         for robot in ROBOTS {
-            let samples: Vec<_> = (0..N).map(|_| robot.link_frames(&random_config(robot, &mut rng))).collect();
+            let samples: Vec<_> =
+                (0..N).map(|_| robot.link_frames(&random_config(robot, &mut rng))).collect();
             for pair in (0..N_LINKS).flat_map(|a| (a + 1..N_LINKS).map(move |b| (a, b))) {
-                let share = samples.iter().filter(|frames| robot.frames_overlap(frames, pair)).count() as f32 / N as f32;
+                let share =
+                    samples.iter().filter(|frames| robot.frames_overlap(frames, pair)).count()
+                        as f32
+                        / N as f32;
                 let is_allowed = robot.allowed_self_collisions.contains(&pair);
                 // Link 5 of the xArm7 is slimmer than its capsule where link 7 passes.
-                let has_reason = share <= 0.005 || share == 1.0 || (robot.name == "xarm7" && pair == (5, 7));
-                assert!(if is_allowed { has_reason } else { share < 0.1 }, "{}: {pair:?} in {share}", robot.name);
+                let has_reason =
+                    share <= 0.005 || share == 1.0 || (robot.name == "xarm7" && pair == (5, 7));
+                assert!(
+                    if is_allowed { has_reason } else { share < 0.1 },
+                    "{}: {pair:?} in {share}",
+                    robot.name
+                );
             }
         }
     }
@@ -260,8 +297,12 @@ mod tests {
                     let (pad, body) = (finger.pad, finger.body);
                     let pad_back = pad.center.y.abs() + pad.half_extents.y;
                     assert!((body.center.y.abs() - body.half_extents.y - pad_back).abs() < 1e-6);
-                    let tips = [pad, body].map(|part| part.pose().translation.z + part.half_extents.z);
-                    assert!((tips[0] - tips[1]).abs() < 1e-6, "pad and finger end together: {tips:?}");
+                    let tips =
+                        [pad, body].map(|part| part.pose().translation.z + part.half_extents.z);
+                    assert!(
+                        (tips[0] - tips[1]).abs() < 1e-6,
+                        "pad and finger end together: {tips:?}"
+                    );
                 }
             }
         }

@@ -1,4 +1,5 @@
-//! Kinematics against `tests/golden/fk_*.json`, which `tests/peers/kinematics.py` computes from URDF joint origins.
+//! Kinematics against `tests/golden/fk_*.json`, which `tests/peers/kinematics.py` computes from
+//! URDF joint origins.
 
 use super::{JointConfig, PANDA, Robot, XARM7};
 use glamx::{DPose3, DQuat, DVec3, Pose3};
@@ -19,7 +20,10 @@ struct Record {
 
 impl Record {
     fn world_from_flange(&self) -> DPose3 {
-        DPose3::from_parts(DVec3::from_array(self.position), DQuat::from_array(self.rotation_xyzw).normalize())
+        DPose3::from_parts(
+            DVec3::from_array(self.position),
+            DQuat::from_array(self.rotation_xyzw).normalize(),
+        )
     }
 }
 
@@ -39,8 +43,14 @@ fn flange_poses_agree_with_the_peer() {
     for (robot, records) in records() {
         assert_eq!(records.len(), 1000);
         for record in records {
-            let (distance, angle) = pose_error(&robot.flange(&record.q), &record.world_from_flange());
-            assert!(distance < 1e-7 && angle < 1e-7, "{}: {distance} m, {angle} rad at {:?}", robot.name, record.q);
+            let (distance, angle) =
+                pose_error(&robot.flange(&record.q), &record.world_from_flange());
+            assert!(
+                distance < 1e-7 && angle < 1e-7,
+                "{}: {distance} m, {angle} rad at {:?}",
+                robot.name,
+                record.q
+            );
         }
     }
 }
@@ -51,7 +61,8 @@ fn inverse_kinematics_reaches_the_peers_poses() {
         let n_solved = records.iter().filter(|record| {
             let world_from_grip = record.world_from_flange() * robot.flange_from_grip;
             robot.ik_nearest(&Pose3::from(world_from_grip), &robot.start).is_some_and(|config| {
-                let (distance, angle) = pose_error(&robot.flange(&config), &record.world_from_flange());
+                let (distance, angle) =
+                    pose_error(&robot.flange(&config), &record.world_from_flange());
                 distance < 1e-4 && angle < 1e-3 && robot.within_limits(&config)
             })
         });

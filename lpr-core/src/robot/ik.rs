@@ -1,8 +1,9 @@
-//! Inverse kinematics of the grip: the closed form at a fixed `q7`, and what is built on scanning `q7`.
+//! Inverse kinematics of the grip: the closed form at a fixed `q7`, and what is built on scanning
+//! `q7`.
 //!
-//! Solves in f64. A returned configuration is within the limits; its grip pose differs from the one asked for by rounding to f32
-//! only (below 1e-4 m and 1e-3 rad). Poses are `world_from_grip`. A joint with limits beyond a turn takes the winding nearest
-//! the reference configuration `near`.
+//! Solves in f64. A returned configuration is within the limits; its grip pose differs from the one
+//! asked for by rounding to f32 only (below 1e-4 m and 1e-3 rad). Poses are `world_from_grip`. A
+//! joint with limits beyond a turn takes the winding nearest the reference configuration `near`.
 
 mod closed_form;
 mod damped;
@@ -24,7 +25,8 @@ const SCAN_SPACING: f64 = 0.05;
 const REFINEMENTS: usize = 16;
 /// Samples of `q7` for distinct solutions; a power of two.
 const DISTINCT_SAMPLES: usize = 64;
-/// Samples of `q7` when [`DISTINCT_SAMPLES`] found nothing: intervals of a few hundredths of a radian are found.
+/// Samples of `q7` when [`DISTINCT_SAMPLES`] found nothing: intervals of a few hundredths of a
+/// radian are found.
 const RARE_SAMPLES: usize = 512;
 /// Samples of `q7`, near others with solutions, when those found too few.
 const FINEST_SAMPLES: usize = 4096;
@@ -64,7 +66,9 @@ impl Robot {
     pub fn ik_nearest(&self, world_from_grip: &Pose3, near: &JointConfig) -> Option<JointConfig> {
         let target = Target::new(self, world_from_grip);
         let near = widened(near);
-        let mut best = self.scan(&target, &near, SCAN_SPACING).or_else(|| self.scan(&target, &near, 0.1 * SCAN_SPACING))?;
+        let mut best = self
+            .scan(&target, &near, SCAN_SPACING)
+            .or_else(|| self.scan(&target, &near, 0.1 * SCAN_SPACING))?;
         let mut spacing = 0.5 * SCAN_SPACING;
         for _ in 0..REFINEMENTS {
             let q7 = best.angles[6];
@@ -76,7 +80,8 @@ impl Robot {
         Some(rounded(&best.angles))
     }
 
-    /// The best solution on a grid of `q7`, from `near` outwards until `q7` alone is further away than the best.
+    /// The best solution on a grid of `q7`, from `near` outwards until `q7` alone is further away
+    /// than the best.
     fn scan(&self, target: &Target<'_>, near: &Angles, spacing: f64) -> Option<Nearest> {
         let joint = &self.joints[DOF - 1];
         let n_steps = (f64::from(joint.upper - joint.lower) / spacing) as i32 + 1;
@@ -92,8 +97,8 @@ impl Robot {
         best.squared_distance.is_finite().then_some(best)
     }
 
-    /// Up to `n` solutions, of which any two differ by more than `min_distance` radians (modulo 2π) in some joint, spread over
-    /// the redundancy; of each the winding nearest `near`.
+    /// Up to `n` solutions, of which any two differ by more than `min_distance` radians (modulo 2π)
+    /// in some joint, spread over the redundancy; of each the winding nearest `near`.
     ///
     /// Where few are found, `q7` is sampled ever more finely around those that have solutions.
     ///
@@ -120,7 +125,8 @@ impl Robot {
         let offset = rng.random::<f64>();
         let target = Target::new(self, world_from_grip);
         let solve = |fraction: f64| target.solve(self.q7_sample(offset + fraction), &near);
-        let mut distinct = Distinct { solutions: Vec::with_capacity(n.min(DISTINCT_SAMPLES)), n, min_distance };
+        let mut distinct =
+            Distinct { solutions: Vec::with_capacity(n.min(DISTINCT_SAMPLES)), n, min_distance };
         let mut has_solutions = vec![false; DISTINCT_SAMPLES];
         let mut others = Vec::new();
         for sample in (0..DISTINCT_SAMPLES).map(scattered) {
@@ -132,7 +138,8 @@ impl Robot {
                 continue;
             }
             has_solutions[sample] = true;
-            // Two branches of each q7 first, as far apart in their order as can be: few solutions already cover many q7.
+            // Two branches of each q7 first, as far apart in their order as can be: few solutions
+            // already cover many q7.
             let n_branches = branches.len();
             let first = rng.random_range(0..n_branches);
             let chosen = [first, (first + n_branches / 2) % n_branches];
@@ -192,21 +199,29 @@ impl Distinct {
     }
 
     fn offer(&mut self, config: JointConfig) {
-        if !self.is_full() && self.solutions.iter().all(|other| differ(&config, other, self.min_distance)) {
+        if !self.is_full()
+            && self.solutions.iter().all(|other| differ(&config, other, self.min_distance))
+        {
             self.solutions.push(config);
         }
     }
 }
 
-/// The solutions in order of `q7`, as close together as they may be, if they are more than the `scattered` ones.
+/// The solutions in order of `q7`, as close together as they may be, if they are more than the
+/// `scattered` ones.
 fn packed(mut all: Vec<JointConfig>, scattered: Distinct) -> Vec<JointConfig> {
     all.sort_by(|a, b| a[DOF - 1].total_cmp(&b[DOF - 1]));
     let mut packed = Distinct { solutions: Vec::new(), ..scattered };
     all.into_iter().for_each(|config| packed.offer(config));
-    if packed.solutions.len() > scattered.solutions.len() { packed.solutions } else { scattered.solutions }
+    if packed.solutions.len() > scattered.solutions.len() {
+        packed.solutions
+    } else {
+        scattered.solutions
+    }
 }
 
-/// Whether some joint differs by more than `min_distance` radians modulo 2π; no joint has more than two turns.
+/// Whether some joint differs by more than `min_distance` radians modulo 2π; no joint has more than
+/// two turns.
 fn differ(a: &JointConfig, b: &JointConfig, min_distance: f32) -> bool {
     const TURN: f32 = core::f32::consts::TAU;
     a.iter().zip(b.iter()).any(|(a, b)| {
@@ -215,7 +230,8 @@ fn differ(a: &JointConfig, b: &JointConfig, min_distance: f32) -> bool {
     })
 }
 
-/// The samples in an order in which the first few already cover the range: the halves, the quarters and so on.
+/// The samples in an order in which the first few already cover the range: the halves, the quarters
+/// and so on.
 const fn scattered(i: usize) -> usize {
     i.reverse_bits() >> (usize::BITS - DISTINCT_SAMPLES.ilog2())
 }
@@ -225,8 +241,8 @@ fn may_be_refined(has_solutions: &[bool]) -> bool {
     has_solutions.len() < if has_solutions.contains(&true) { FINEST_SAMPLES } else { RARE_SAMPLES }
 }
 
-/// The grid of twice as many samples: those in the middle between two of which one has solutions are asked for, or all of them
-/// as long as none has.
+/// The grid of twice as many samples: those in the middle between two of which one has solutions
+/// are asked for, or all of them as long as none has.
 fn refined(has_solutions: &[bool], mut solve: impl FnMut(f64) -> bool) -> Vec<bool> {
     let n = has_solutions.len();
     let is_blind = !has_solutions.contains(&true);

@@ -1,6 +1,7 @@
 //! Forward kinematics and the Jacobian: pure functions of a configuration.
 //!
-//! Trigonometry goes through `libm` and nothing is fused, so that native code and wasm agree bit for bit.
+//! Trigonometry goes through `libm` and nothing is fused, so that native code and wasm agree bit
+//! for bit.
 
 use super::{DOF, Error, HAND, JointConfig, N_LINKS, ROBOTS, Result, Robot};
 use core::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2};
@@ -42,7 +43,10 @@ impl Robot {
     /// ```
     #[must_use]
     pub fn within_limits(&self, config: &JointConfig) -> bool {
-        self.joints.iter().zip(config.iter()).all(|(joint, &q)| joint.lower <= q && q <= joint.upper)
+        self.joints
+            .iter()
+            .zip(config.iter())
+            .all(|(joint, &q)| joint.lower <= q && q <= joint.upper)
     }
 
     /// `world_from_joint` of the seven joint frames in f64.
@@ -140,7 +144,8 @@ impl Robot {
         Pose3::from(self.grip_f64(config))
     }
 
-    /// Jacobian of the grip in the world frame: rows are linear velocity (m/rad) then angular velocity (rad/rad).
+    /// Jacobian of the grip in the world frame: rows are linear velocity (m/rad) then angular
+    /// velocity (rad/rad).
     ///
     /// ```
     /// use lpr_core::robot::XARM7;
@@ -197,7 +202,8 @@ impl super::Joint {
 
 /// Sine and cosine of half the twist and of the twist.
 ///
-/// Those of right angles, which most joints have, are written down: they would be two thirds of the trigonometry of an arm.
+/// Those of right angles, which most joints have, are written down: they would be two thirds of the
+/// trigonometry of an arm.
 fn sincos_of_twist(alpha: f64) -> [(f64, f64); 2] {
     /// One unit in the last place below the cosine.
     const SIN_45: f64 = 0.707_106_781_186_547_5;
@@ -222,21 +228,33 @@ mod tests {
         let mut rng = stream(1, Stream::Ik, 0);
         for robot in ROBOTS {
             for _ in 0..50 {
-                let config = JointConfig(robot.joints.map(|joint| rng.random_range(joint.lower..joint.upper)));
+                let config = JointConfig(
+                    robot.joints.map(|joint| rng.random_range(joint.lower..joint.upper)),
+                );
                 let jacobian = robot.jacobian(&config);
                 for j in 0..DOF {
                     let moved = |by: f64| {
                         let mut angles = config.0.map(f64::from);
                         angles[j] += by;
-                        robot.frames_at(&angles)[DOF - 1] * robot.link7_from_flange * robot.flange_from_grip
+                        robot.frames_at(&angles)[DOF - 1]
+                            * robot.link7_from_flange
+                            * robot.flange_from_grip
                     };
                     let (before, after) = (moved(-1e-5), moved(1e-5));
                     let linear = (after.translation - before.translation) / 2e-5;
-                    // For a small turn the vector part of the quaternion is half the rotation vector.
+                    // For a small turn the vector part of the quaternion is half the rotation
+                    // vector.
                     let turn = after.rotation * before.rotation.inverse();
-                    let angular = DVec3::new(turn.x, turn.y, turn.z) * (turn.w.signum() * 2.0 / 2e-5);
-                    for (row, expected) in linear.to_array().into_iter().chain(angular.to_array()).enumerate() {
-                        assert!((jacobian[row][j] - expected).abs() < 1e-8, "{}: row {row}, joint {j}", robot.name);
+                    let angular =
+                        DVec3::new(turn.x, turn.y, turn.z) * (turn.w.signum() * 2.0 / 2e-5);
+                    for (row, expected) in
+                        linear.to_array().into_iter().chain(angular.to_array()).enumerate()
+                    {
+                        assert!(
+                            (jacobian[row][j] - expected).abs() < 1e-8,
+                            "{}: row {row}, joint {j}",
+                            robot.name
+                        );
                     }
                 }
             }
@@ -254,6 +272,9 @@ mod tests {
     fn unknown_robots_are_an_error_that_names_the_known_ones() {
         assert_eq!(Robot::by_name("panda").map(|robot| robot.name), Ok("panda"));
         let error = Robot::by_name("ur5").expect_err("not built in").to_string();
-        assert!(error.contains("ur5") && error.contains("xarm7") && error.contains("panda"), "{error}");
+        assert!(
+            error.contains("ur5") && error.contains("xarm7") && error.contains("panda"),
+            "{error}"
+        );
     }
 }

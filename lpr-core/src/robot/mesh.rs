@@ -38,16 +38,26 @@ const STL_HEAD: usize = 84;
 const STL_TRIANGLE: usize = 50;
 
 /// The triangles of the mesh `file`, scaled along its axes; never none.
-pub(super) fn read(file: &str, scale: DVec3, meshes: &MeshReader<'_>) -> Result<Vec<Triangle>, String> {
-    let parse = parser(file).ok_or_else(|| format!("mesh {} is neither STL nor OBJ", quoted(file)))?;
+pub(super) fn read(
+    file: &str,
+    scale: DVec3,
+    meshes: &MeshReader<'_>,
+) -> Result<Vec<Triangle>, String> {
+    let parse =
+        parser(file).ok_or_else(|| format!("mesh {} is neither STL nor OBJ", quoted(file)))?;
     let bytes = meshes(file).ok_or_else(|| format!("there is no mesh {}", quoted(file)))?;
     let in_file = |message: String| format!("mesh {}: {message}", quoted(file));
     let mut triangles = parse(&bytes).map_err(in_file)?;
     triangles.iter_mut().flatten().for_each(|corner| *corner *= scale);
-    let is_broken =
-        |triangle: &Triangle| triangle.iter().any(|corner| !(corner.abs().max_element() <= MAX_LENGTH && corner.is_finite()));
+    let is_broken = |triangle: &Triangle| {
+        triangle
+            .iter()
+            .any(|corner| !(corner.abs().max_element() <= MAX_LENGTH && corner.is_finite()))
+    };
     match triangles.iter().position(is_broken) {
-        Some(i) => Err(in_file(format!("triangle {i} has a corner that is not finite or further than {MAX_LENGTH} m away"))),
+        Some(i) => Err(in_file(format!(
+            "triangle {i} has a corner that is not finite or further than {MAX_LENGTH} m away"
+        ))),
         None if triangles.is_empty() => Err(in_file("it has no triangles".to_owned())),
         None => Ok(triangles),
     }
@@ -65,11 +75,16 @@ fn parser(file: &str) -> Option<Parser> {
     }
 }
 
-/// A binary file says how many triangles it has, and is exactly that long; some start with the word of the ASCII form.
+/// A binary file says how many triangles it has, and is exactly that long; some start with the word
+/// of the ASCII form.
 fn stl(bytes: &[u8]) -> Result<Vec<Triangle>, String> {
-    let announced = bytes.get(80..STL_HEAD).map(|count| u32::from_le_bytes([count[0], count[1], count[2], count[3]]));
+    let announced = bytes
+        .get(80..STL_HEAD)
+        .map(|count| u32::from_le_bytes([count[0], count[1], count[2], count[3]]));
     let body = bytes.get(STL_HEAD..).unwrap_or_default();
-    if announced.is_some_and(|n| n as usize == body.len() / STL_TRIANGLE && body.len() % STL_TRIANGLE == 0) {
+    if announced
+        .is_some_and(|n| n as usize == body.len() / STL_TRIANGLE && body.len() % STL_TRIANGLE == 0)
+    {
         return Ok(body.chunks_exact(STL_TRIANGLE).map(stl_triangle).collect());
     }
     if bytes.trim_ascii_start().starts_with(b"solid") {
@@ -82,7 +97,9 @@ fn stl(bytes: &[u8]) -> Result<Vec<Triangle>, String> {
 }
 
 fn stl_triangle(bytes: &[u8]) -> Triangle {
-    let float = |at: usize| f64::from(f32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]));
+    let float = |at: usize| {
+        f64::from(f32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]))
+    };
     // The first 12 bytes are the normal.
     [12, 24, 36].map(|at| DVec3::new(float(at), float(at + 4), float(at + 8)))
 }
@@ -91,7 +108,10 @@ fn ascii_stl(text: &str) -> Result<Vec<Triangle>, String> {
     let mut corners = Vec::new();
     for (i, line) in text.lines().enumerate() {
         if let Some(rest) = line.trim_start().strip_prefix("vertex") {
-            corners.push(position(rest).ok_or_else(|| format!("line {}: no corner: {}", i + 1, quoted(line)))?);
+            corners.push(
+                position(rest)
+                    .ok_or_else(|| format!("line {}: no corner: {}", i + 1, quoted(line)))?,
+            );
         }
     }
     match corners.as_chunks::<3>() {
@@ -114,9 +134,13 @@ fn obj(bytes: &[u8]) -> Result<Vec<Triangle>, String> {
         match line.trim_start().split_once([' ', '\t']) {
             Some(("v", rest)) => corners.push(position(rest).ok_or_else(|| wrong("no corner"))?),
             Some(("f", rest)) => {
-                let polygon: Option<Vec<DVec3>> = rest.split_whitespace().map(|word| corner_of(word, &corners)).collect();
-                let polygon = polygon.filter(|it| it.len() >= 3).ok_or_else(|| wrong("no face of corners before it"))?;
-                triangles.extend(polygon[1..].windows(2).map(|pair| [polygon[0], pair[0], pair[1]]));
+                let polygon: Option<Vec<DVec3>> =
+                    rest.split_whitespace().map(|word| corner_of(word, &corners)).collect();
+                let polygon = polygon
+                    .filter(|it| it.len() >= 3)
+                    .ok_or_else(|| wrong("no face of corners before it"))?;
+                triangles
+                    .extend(polygon[1..].windows(2).map(|pair| [polygon[0], pair[0], pair[1]]));
             }
             _ => {}
         }
@@ -127,7 +151,11 @@ fn obj(bytes: &[u8]) -> Result<Vec<Triangle>, String> {
 /// The corner of `7`, `7/1`, `7//2` or `7/1/2`; negative numbers count from the last corner.
 fn corner_of(word: &str, corners: &[DVec3]) -> Option<DVec3> {
     let number: i64 = word.split('/').next()?.parse().ok()?;
-    let idx = if number > 0 { number.checked_sub(1)? } else { number.checked_add(corners.len() as i64)? };
+    let idx = if number > 0 {
+        number.checked_sub(1)?
+    } else {
+        number.checked_add(corners.len() as i64)?
+    };
     (number != 0).then_some(())?;
     corners.get(usize::try_from(idx).ok()?).copied()
 }
@@ -161,10 +189,12 @@ mod tests {
 
     fn ascii_stl_of(triangles: &[Triangle]) -> Vec<u8> {
         let facet = |[a, b, c]: &Triangle| {
-            let corners: String = [a, b, c].map(|p| format!("  vertex {} {} {}\n", p.x, p.y, p.z)).concat();
+            let corners: String =
+                [a, b, c].map(|p| format!("  vertex {} {} {}\n", p.x, p.y, p.z)).concat();
             format!("facet normal 0 0 1\n outer loop\n{corners} endloop\nendfacet\n")
         };
-        format!("solid part\n{}endsolid part\n", triangles.iter().map(facet).collect::<String>()).into_bytes()
+        format!("solid part\n{}endsolid part\n", triangles.iter().map(facet).collect::<String>())
+            .into_bytes()
     }
 
     #[test]
@@ -184,7 +214,10 @@ mod tests {
         let corner = |x, y| DVec3::new(x, 2.0 * y, -0.0);
         assert_eq!(
             found,
-            [[corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0)], [corner(0.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0)]]
+            [
+                [corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0)],
+                [corner(0.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0)]
+            ]
         );
     }
 
@@ -208,7 +241,10 @@ mod tests {
         check("a.obj", b"v 1 2 3\nf 1 1\n", "line 2: no face");
         check("a.obj", b"v 1 2\n", "line 1: no corner");
         check("a.obj", b"", "no triangles");
-        assert!(read("a.stl", DVec3::ONE, &|_| None).is_err_and(|message| message.contains("no mesh 'a.stl'")));
+        assert!(
+            read("a.stl", DVec3::ONE, &|_| None)
+                .is_err_and(|message| message.contains("no mesh 'a.stl'"))
+        );
     }
 
     /// Text that is close to a mesh.

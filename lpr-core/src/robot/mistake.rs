@@ -5,8 +5,22 @@ use proptest::prelude::*;
 use proptest::sample::{Index, select};
 
 /// What may stand where a number stood.
-const NO_NUMBERS: [&str; 14] =
-    ["NaN", "-nan", "inf", "1e308", "-1e308", "1e400", "1e-320", "-1", "0", "", " ", "x", "1,5", "99999999999999999999"];
+const NO_NUMBERS: [&str; 14] = [
+    "NaN",
+    "-nan",
+    "inf",
+    "1e308",
+    "-1e308",
+    "1e400",
+    "1e-320",
+    "-1",
+    "0",
+    "",
+    " ",
+    "x",
+    "1,5",
+    "99999999999999999999",
+];
 
 /// One mistake.
 #[derive(Debug, Clone)]
@@ -36,9 +50,11 @@ pub(crate) fn mistake() -> impl Strategy<Value = Mistake> {
 }
 
 impl Mistake {
-    /// The file, which is not empty, with the mistake; a number that it does not have would have stood at its beginning.
+    /// The file, which is not empty, with the mistake; a number that it does not have would have
+    /// stood at its beginning.
     pub(crate) fn made_in(&self, file: &[u8]) -> Vec<u8> {
-        let replaced = |part: Range<usize>, by: &[u8]| [&file[..part.start], by, &file[part.end..]].concat();
+        let replaced =
+            |part: Range<usize>, by: &[u8]| [&file[..part.start], by, &file[part.end..]].concat();
         match self {
             Self::Cut(at) => file[..at.index(file.len())].to_vec(),
             Self::Byte(at, byte) => {
@@ -57,7 +73,8 @@ impl Mistake {
 
 /// The parts of a file of which `is_end` says where each ends, counted in bytes.
 fn parts(file: &[u8], is_end: impl Fn(u8, u8) -> bool) -> Vec<Range<usize>> {
-    let ends = (1..=file.len()).filter(|&end| end == file.len() || is_end(file[end - 1], file[end]));
+    let ends =
+        (1..=file.len()).filter(|&end| end == file.len() || is_end(file[end - 1], file[end]));
     let mut start = 0;
     ends.map(|end| core::mem::replace(&mut start, end)..end).collect()
 }
@@ -79,6 +96,9 @@ fn numbers(file: &[u8]) -> Vec<Range<usize>> {
 #[test]
 fn a_mistake_is_where_it_was_asked_for() {
     let file = b"v -1.5 2\nf 30\n";
-    assert_eq!(numbers(file).iter().map(|part| &file[part.clone()]).collect::<Vec<_>>(), [&b"-1.5"[..], b"2", b"30"]);
+    assert_eq!(
+        numbers(file).iter().map(|part| &file[part.clone()]).collect::<Vec<_>>(),
+        [&b"-1.5"[..], b"2", b"30"]
+    );
     assert_eq!(lines(file), [0..9, 9..14]);
 }

@@ -1,8 +1,9 @@
-//! Robot arms: two as constants ([`Robot`]: joints, limits, gripper, collision spheres and drawable parts), any other from its
-//! description at run time ([`Chain`]: joints, limits and collision spheres).
+//! Robot arms: two as constants ([`Robot`]: joints, limits, gripper, collision spheres and drawable
+//! parts), any other from its description at run time ([`Chain`]: joints, limits and collision
+//! spheres).
 //!
-//! The base is the world frame, z up, table top at z = 0. Joints of the constants are modified-DH rows as in
-//! `T = Rx(alpha) Tx(a) Rz(q) Tz(d)`.
+//! The base is the world frame, z up, table top at z = 0. Joints of the constants are modified-DH
+//! rows as in `T = Rx(alpha) Tx(a) Rz(q) Tz(d)`.
 
 mod chain;
 mod fit;
@@ -131,7 +132,8 @@ pub struct Joint {
 pub struct GripperSpec {
     /// Distance between the pads when fully open, metres.
     pub max_width: f32,
-    /// Half extents of one pad block in the grip frame (x along the pad's width, y its thickness, z along the finger).
+    /// Half extents of one pad block in the grip frame (x along the pad's width, y its thickness, z
+    /// along the finger).
     pub pad_half_extents: Vec3,
     /// Centre of the pads along the grip frame's z, metres (0: pads centred on `grip`).
     pub pad_offset_z: f32,
@@ -160,7 +162,8 @@ pub struct Sphere {
     pub radius: f32,
 }
 
-/// Frames that carry geometry: link 0 (base) … link 7, then the hand; the fingers are derived from [`GripperSpec`].
+/// Frames that carry geometry: link 0 (base) … link 7, then the hand; the fingers are derived from
+/// [`GripperSpec`].
 pub const N_LINKS: usize = DOF + 2;
 
 /// Index of the hand among the [`N_LINKS`] frames; its geometry is given in the flange frame.
@@ -168,7 +171,8 @@ pub const HAND: usize = DOF + 1;
 
 /// A serial arm with seven revolute joints, a spherical shoulder and a gripper.
 ///
-/// The frame that poses and curves are of is `grip`, between the finger pads; the flange is that far behind it:
+/// The frame that poses and curves are of is `grip`, between the finger pads; the flange is that
+/// far behind it:
 ///
 /// ```
 /// use lpr_core::robot::{PANDA, XARM7};
@@ -194,12 +198,14 @@ pub struct Robot {
     pub start: JointConfig,
     /// Centre of the workspace on the table, metres.
     pub workspace_center: Vec2,
-    /// Physical and drawn geometry per frame: base, links 1–7, hand without fingers (those are boxes: [`GripperSpec::fingers`]).
+    /// Physical and drawn geometry per frame: base, links 1–7, hand without fingers (those are
+    /// boxes: [`GripperSpec::fingers`]).
     pub capsules: [&'static [Capsule]; N_LINKS],
-    /// Collision spheres per frame: they cover the capsules, the hand's the open fingers too, by at most [`MAX_OVERSHOOT`].
+    /// Collision spheres per frame: they cover the capsules, the hand's the open fingers too, by at
+    /// most [`MAX_OVERSHOOT`].
     pub spheres: [&'static [Sphere]; N_LINKS],
-    /// Pairs of frames (the lower first) that are never tested against each other: neighbours, pairs that overlap in every
-    /// configuration and pairs that cannot meet.
+    /// Pairs of frames (the lower first) that are never tested against each other: neighbours,
+    /// pairs that overlap in every configuration and pairs that cannot meet.
     pub allowed_self_collisions: &'static [(usize, usize)],
 }
 

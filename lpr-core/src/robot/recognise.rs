@@ -7,8 +7,8 @@ use glamx::DPose3;
 const TOLERANCE: f64 = 5e-5;
 
 impl Chain {
-    /// The built-in arm with the kinematics of this one, with this one's limits and with its tip as `grip`: for the closed form
-    /// of inverse kinematics. None for other arms.
+    /// The built-in arm with the kinematics of this one, with this one's limits and with its tip as
+    /// `grip`: for the closed form of inverse kinematics. None for other arms.
     ///
     /// Everything else of it, gripper and spheres among it, is the built-in arm's.
     ///
@@ -30,25 +30,37 @@ impl Chain {
             return None;
         }
         ROBOTS.into_iter().find_map(|robot| {
-            let flange_from_tip = probes().map(|config| robot.flange(&config).inverse() * self.tip_f64(&config));
+            let flange_from_tip =
+                probes().map(|config| robot.flange(&config).inverse() * self.tip_f64(&config));
             let [first, ..] = flange_from_tip;
-            flange_from_tip.iter().all(|pose| are_close(pose, &first)).then(|| self.with_limits_of(robot, first))
+            flange_from_tip
+                .iter()
+                .all(|pose| are_close(pose, &first))
+                .then(|| self.with_limits_of(robot, first))
         })
     }
 
     fn with_limits_of(&self, robot: &Robot, flange_from_tip: DPose3) -> Robot {
         let joints = core::array::from_fn(|j| {
             let joint = &self.joints[j];
-            Joint { lower: joint.lower, upper: joint.upper, max_velocity: joint.max_velocity, ..robot.joints[j] }
+            Joint {
+                lower: joint.lower,
+                upper: joint.upper,
+                max_velocity: joint.max_velocity,
+                ..robot.joints[j]
+            }
         });
         Robot { joints, flange_from_grip: flange_from_tip, ..robot.clone() }
     }
 }
 
-/// Configurations that move every joint: the tip stays where it is at the flange of an arm of the same kinematics only.
+/// Configurations that move every joint: the tip stays where it is at the flange of an arm of the
+/// same kinematics only.
 fn probes() -> [JointConfig; 2 * DOF] {
     core::array::from_fn(|i| {
-        JointConfig(core::array::from_fn(|j| 0.3 + 0.1 * j as f32 + if i % DOF == j { 0.7 + (i / DOF) as f32 } else { 0.0 }))
+        JointConfig(core::array::from_fn(|j| {
+            0.3 + 0.1 * j as f32 + if i % DOF == j { 0.7 + (i / DOF) as f32 } else { 0.0 }
+        }))
     })
 }
 
@@ -73,9 +85,20 @@ mod tests {
             chain.body_from_tip.translation.z += 0.1;
             let recognised = chain.as_built_in().unwrap();
             assert_eq!((recognised.name, recognised.joints[1].lower), (robot.name, -1.0));
-            let config = JointConfig([0.1, -0.2, 0.3, if robot.name == "panda" { -1.4 } else { 1.4 }, 0.5, 1.6, 0.7]);
+            let config = JointConfig([
+                0.1,
+                -0.2,
+                0.3,
+                if robot.name == "panda" { -1.4 } else { 1.4 },
+                0.5,
+                1.6,
+                0.7,
+            ]);
             let (grip, tip) = (recognised.grip(&config), chain.tip(&config));
-            assert!(grip.translation.distance(tip.translation) < 1e-4 && grip.rotation.angle_between(tip.rotation) < 1e-3);
+            assert!(
+                grip.translation.distance(tip.translation) < 1e-4
+                    && grip.rotation.angle_between(tip.rotation) < 1e-3
+            );
             let solution = recognised.ik_nearest(&tip, &config).unwrap();
             assert!(chain.tip(&solution).translation.distance(tip.translation) < 1e-4);
         }

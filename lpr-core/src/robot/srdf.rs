@@ -1,4 +1,5 @@
-//! What an SRDF adds to a URDF: which links are the arm's ends, and which pairs of links are never tested.
+//! What an SRDF adds to a URDF: which links are the arm's ends, and which pairs of links are never
+//! tested.
 
 use super::Result;
 use super::xml::{self, Node, attribute, children, fault, quoted};
@@ -40,5 +41,8 @@ impl Semantics {
 
 fn link_of(node: Node<'_>, name: &str, link_by_name: &BTreeMap<String, usize>) -> Result<usize> {
     let link = attribute(node, name)?;
-    link_by_name.get(link).copied().ok_or_else(|| fault(node, &format!("SRDF: the URDF has no link {}", quoted(link))))
+    link_by_name
+        .get(link)
+        .copied()
+        .ok_or_else(|| fault(node, &format!("SRDF: the URDF has no link {}", quoted(link))))
 }

@@ -1,11 +1,12 @@
 //! Arms from URDF and SRDF, as they are at run time.
 //!
-//! The arm is the path of joints from a base to a tip; everything else hangs rigidly on it. Of a link only `<collision>` is
-//! read: spheres are used as they are, other geometry is covered by spheres (`robot/fit.rs`). Inertia, visual geometry,
-//! transmissions, safety controllers and macros are ignored, but for macros that were never expanded: those are an error.
+//! The arm is the path of joints from a base to a tip; everything else hangs rigidly on it. Of a
+//! link only `<collision>` is read: spheres are used as they are, other geometry is covered by
+//! spheres (`robot/fit.rs`). Inertia, visual geometry, transmissions, safety controllers and macros
+//! are ignored, but for macros that were never expanded: those are an error.
 //!
-//! Conventions are those of the formats' documentation: `rpy` are fixed angles, an axis that is not stated is x, a limit that is
-//! not stated beside one that is, 0.
+//! Conventions are those of the formats' documentation: `rpy` are fixed angles, an axis that is not
+//! stated is x, a limit that is not stated beside one that is, 0.
 
 mod description;
 #[cfg(test)]
@@ -30,13 +31,17 @@ const MAX_SOLID_LINKS: usize = 500;
 impl Chain {
     /// The arm of a URDF, with the allowed self-collisions of an SRDF.
     ///
-    /// - The tip is `tip`, or that of the SRDF's first group that is a chain, or the one leaf with the most driven joints above
-    ///   it (which may be a finger: name the tip of an arm with a gripper). The base is that group's, or the root of the URDF.
-    /// - A continuous joint has the limits ±2π, and 1 rad/s if it states no velocity. Joints that are not between base and tip
-    ///   stay at 0, moved into their limits; those that mimic another, too.
-    /// - With an SRDF, the pairs that it disables are allowed; without one, those of neighbouring bodies. Pairs of one body,
-    ///   which cannot move against each other, always are. Only links with geometry are in pairs.
-    /// - `meshes` gives the bytes of a mesh by the file name that stands in the URDF; `.stl` and `.obj` are understood.
+    /// - The tip is `tip`, or that of the SRDF's first group that is a chain, or the one leaf with
+    ///   the most driven joints above it (which may be a finger: name the tip of an arm with a
+    ///   gripper). The base is that group's, or the root of the URDF.
+    /// - A continuous joint has the limits ±2π, and 1 rad/s if it states no velocity. Joints that
+    ///   are not between base and tip stay at 0, moved into their limits; those that mimic another,
+    ///   too.
+    /// - With an SRDF, the pairs that it disables are allowed; without one, those of neighbouring
+    ///   bodies. Pairs of one body, which cannot move against each other, always are. Only links
+    ///   with geometry are in pairs.
+    /// - `meshes` gives the bytes of a mesh by the file name that stands in the URDF; `.stl` and
+    ///   `.obj` are understood.
     ///
     /// ```
     /// use lpr_core::robot::{Chain, JointConfig};
@@ -61,14 +66,21 @@ impl Chain {
     ///
     /// # Errors
     ///
-    /// [`Error::Robot`] with the element, its line and the link or joint it belongs to: XML that is malformed or has macros in
-    /// it, no or several roots, a loop, a link or mesh that is missing, an unknown type or geometry, numbers that are not
-    /// finite, too many or too few, limits that are missing or contradict each other, no or more than [`DOF`] joints, one that
-    /// floats or mimics another between base and tip, and a tip that is not clear.
-    pub fn from_urdf(urdf: &str, srdf: Option<&str>, tip: Option<&str>, meshes: &MeshReader<'_>) -> Result<Self> {
+    /// [`Error::Robot`] with the element, its line and the link or joint it belongs to: XML that is
+    /// malformed or has macros in it, no or several roots, a loop, a link or mesh that is missing,
+    /// an unknown type or geometry, numbers that are not finite, too many or too few, limits that
+    /// are missing or contradict each other, no or more than [`DOF`] joints, one that floats or
+    /// mimics another between base and tip, and a tip that is not clear.
+    pub fn from_urdf(
+        urdf: &str,
+        srdf: Option<&str>,
+        tip: Option<&str>,
+        meshes: &MeshReader<'_>,
+    ) -> Result<Self> {
         let document = xml::parse("URDF", urdf)?;
         let description = Description::read(xml::robot("URDF", &document)?, meshes)?;
-        let semantics = srdf.map(|text| Semantics::read(text, &description.link_by_name)).transpose()?;
+        let semantics =
+            srdf.map(|text| Semantics::read(text, &description.link_by_name)).transpose()?;
         let tree = Tree::new(&description)?;
         let ends = semantics.as_ref().and_then(|semantics| semantics.ends);
         let tip = match (tip, ends) {
@@ -101,7 +113,12 @@ fn drives(description: &Description, path: &[usize], tip: usize) -> Result<Vec<(
     let mut drives = Vec::new();
     for &idx in path {
         let joint = &description.joints[idx];
-        let refused = |why| Err(Error::Robot(format!("joint {} stands between base and tip, but {why}", quoted(&joint.name))));
+        let refused = |why| {
+            Err(Error::Robot(format!(
+                "joint {} stands between base and tip, but {why}",
+                quoted(&joint.name)
+            )))
+        };
         match joint.mobility {
             Mobility::Fixed => {}
             Mobility::Driven(drive) => drives.push((idx, drive)),
@@ -113,9 +130,9 @@ fn drives(description: &Description, path: &[usize], tip: usize) -> Result<Vec<(
     match drives.len() {
         0 => Err(Error::Robot(format!("no joint moves between the base and the tip {tip}"))),
         1..=DOF => Ok(drives),
-        n => {
-            Err(Error::Robot(format!("{n} joints move between the base and the tip {tip}, at most {DOF} may: name another tip")))
-        }
+        n => Err(Error::Robot(format!(
+            "{n} joints move between the base and the tip {tip}, at most {DOF} may: name another tip"
+        ))),
     }
 }
 
@@ -141,7 +158,8 @@ impl Placed {
         for &link in &tree.order {
             if let Some(idx) = tree.joint_above[link] {
                 let joint = &description.joints[idx];
-                let drive = drives.iter().find(|(driven, _)| *driven == idx).map(|(_, drive)| drive);
+                let drive =
+                    drives.iter().find(|(driven, _)| *driven == idx).map(|(_, drive)| drive);
                 placed.places[link] = placed.carry(joint, drive);
             }
             if link == base {
@@ -187,7 +205,10 @@ fn at_rest(joint: &Joint) -> DPose3 {
         Mobility::Driven(drive) | Mobility::Mimic(drive) => {
             let joint_from_body = DPose3::from_rotation(turn_of_z_to(drive.axis));
             let position = f64::from(0.0_f32.clamp(drive.lower, drive.upper));
-            joint.parent_from_joint * joint_from_body * drive.motion.transform(position) * joint_from_body.inverse()
+            joint.parent_from_joint
+                * joint_from_body
+                * drive.motion.transform(position)
+                * joint_from_body.inverse()
         }
         Mobility::Fixed | Mobility::Free => joint.parent_from_joint,
     }
@@ -210,7 +231,9 @@ fn links(description: &Description, places: &[Place]) -> Result<Vec<ChainLink>> 
     let n_solid = solid.clone().count();
     if let Some(link) = solid.clone().nth(MAX_SOLID_LINKS) {
         let name = quoted(&link.name);
-        return Err(Error::Robot(format!("link {name}: {n_solid} links have collision geometry, at most {MAX_SOLID_LINKS} may")));
+        return Err(Error::Robot(format!(
+            "link {name}: {n_solid} links have collision geometry, at most {MAX_SOLID_LINKS} may"
+        )));
     }
     let link = |(link, place): (&description::Link, &Place)| {
         let mut found = ChainLink {
@@ -232,12 +255,16 @@ fn links(description: &Description, places: &[Place]) -> Result<Vec<ChainLink>> 
 }
 
 fn allowed_pairs(links: &[ChainLink], semantics: Option<&Semantics>) -> Vec<(usize, usize)> {
-    let solid: Vec<usize> = (0..links.len()).filter(|&link| !links[link].spheres.is_empty()).collect();
+    let solid: Vec<usize> =
+        (0..links.len()).filter(|&link| !links[link].spheres.is_empty()).collect();
     let max_apart = if semantics.is_some() { 0 } else { 1 };
     let near = |&(a, b): &(usize, usize)| links[a].body.abs_diff(links[b].body) <= max_apart;
-    let pairs = solid.iter().enumerate().flat_map(|(i, &a)| solid[i + 1..].iter().map(move |&b| (a, b)));
+    let pairs =
+        solid.iter().enumerate().flat_map(|(i, &a)| solid[i + 1..].iter().map(move |&b| (a, b)));
     let disabled = semantics.into_iter().flat_map(|semantics| semantics.disabled.iter().copied());
-    let is_pair = |&(a, b): &(usize, usize)| a != b && solid.binary_search(&a).is_ok() && solid.binary_search(&b).is_ok();
+    let is_pair = |&(a, b): &(usize, usize)| {
+        a != b && solid.binary_search(&a).is_ok() && solid.binary_search(&b).is_ok()
+    };
     let allowed: BTreeSet<_> = pairs.filter(near).chain(disabled.filter(is_pair)).collect();
     allowed.into_iter().collect()
 }

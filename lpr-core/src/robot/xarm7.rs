@@ -1,7 +1,7 @@
 //! The UFACTORY xArm7 with its two-finger gripper.
 //!
-//! Kinematics and limits are those of the vendor's robot description (`xarm7.urdf.xacro`), as modified-DH rows; link geometry is
-//! our own capsules and spheres.
+//! Kinematics and limits are those of the vendor's robot description (`xarm7.urdf.xacro`), as
+//! modified-DH rows; link geometry is our own capsules and spheres.
 
 use super::geometry::{capsule, cover};
 use super::{Capsule, GripperSpec, Joint, JointConfig, Robot};
@@ -15,25 +15,43 @@ const MAX_ACCELERATION: f32 = 10.0;
 const TWO_PI: f32 = core::f32::consts::TAU;
 
 const fn joint(alpha: f64, a: f64, d: f64, lower: f32, upper: f32) -> Joint {
-    Joint { alpha, a, d, lower, upper, max_velocity: MAX_VELOCITY, max_acceleration: MAX_ACCELERATION }
+    Joint {
+        alpha,
+        a,
+        d,
+        lower,
+        upper,
+        max_velocity: MAX_VELOCITY,
+        max_acceleration: MAX_ACCELERATION,
+    }
 }
 
 // Capsules in metres, each in the frame of its link; rough dimensions of the housings.
 
 const BASE: &[Capsule] = &[capsule([0.0, 0.0, 0.075], [0.0, 0.0, 0.12], 0.063)];
 const LINK1: &[Capsule] = &[capsule([0.0, 0.0, -0.07], [0.0, 0.0, 0.0], 0.06)];
-const LINK2: &[Capsule] =
-    &[capsule([0.0, 0.0, -0.02], [0.0, 0.0, 0.02], 0.06), capsule([0.0, -0.06, 0.0], [0.0, -0.17, 0.0], 0.055)];
-const LINK3: &[Capsule] =
-    &[capsule([0.0, 0.0, -0.08], [0.0, 0.0, -0.05], 0.053), capsule([0.0, 0.0, -0.01], [0.0525, 0.0, 0.0], 0.053)];
-const LINK4: &[Capsule] =
-    &[capsule([0.0, 0.0, 0.0], [0.0775, -0.07, 0.0], 0.05), capsule([0.0775, -0.11, 0.0], [0.0775, -0.17, 0.0], 0.048)];
+const LINK2: &[Capsule] = &[
+    capsule([0.0, 0.0, -0.02], [0.0, 0.0, 0.02], 0.06),
+    capsule([0.0, -0.06, 0.0], [0.0, -0.17, 0.0], 0.055),
+];
+const LINK3: &[Capsule] = &[
+    capsule([0.0, 0.0, -0.08], [0.0, 0.0, -0.05], 0.053),
+    capsule([0.0, 0.0, -0.01], [0.0525, 0.0, 0.0], 0.053),
+];
+const LINK4: &[Capsule] = &[
+    capsule([0.0, 0.0, 0.0], [0.0775, -0.07, 0.0], 0.05),
+    capsule([0.0775, -0.11, 0.0], [0.0775, -0.17, 0.0], 0.048),
+];
 const LINK5: &[Capsule] = &[capsule([0.0, 0.0, -0.14], [0.0, 0.0, 0.0], 0.045)];
-const LINK6: &[Capsule] =
-    &[capsule([0.0, 0.0, 0.0], [0.06, 0.0, 0.0], 0.045), capsule([0.076, 0.02, 0.0], [0.076, 0.05, 0.0], 0.04)];
+const LINK6: &[Capsule] = &[
+    capsule([0.0, 0.0, 0.0], [0.06, 0.0, 0.0], 0.045),
+    capsule([0.076, 0.02, 0.0], [0.076, 0.05, 0.0], 0.04),
+];
 const LINK7: &[Capsule] = &[capsule([0.0, 0.0, -0.03], [0.0, 0.0, -0.025], 0.036)];
-const HAND: &[Capsule] =
-    &[capsule([0.0, 0.0, 0.03], [0.0, 0.0, 0.05], 0.038), capsule([0.0, -0.045, 0.075], [0.0, 0.045, 0.075], 0.028)];
+const HAND: &[Capsule] = &[
+    capsule([0.0, 0.0, 0.03], [0.0, 0.0, 0.05], 0.038),
+    capsule([0.0, -0.045, 0.075], [0.0, 0.045, 0.075], 0.028),
+];
 const HAND_WITH_FINGERS: &[Capsule] = &[
     HAND[0],
     HAND[1],
@@ -41,7 +59,8 @@ const HAND_WITH_FINGERS: &[Capsule] = &[
     capsule([0.0, -0.0525, 0.105], [0.0, -0.0525, 0.1655], 0.016),
 ];
 
-/// Neighbours, link 6 with the hand on its flange, and the pairs that the vendor's `MoveIt` configuration lists as never meeting.
+/// Neighbours, link 6 with the hand on its flange, and the pairs that the vendor's `MoveIt`
+/// configuration lists as never meeting.
 const ALLOWED_SELF_COLLISIONS: [(usize, usize); 19] = [
     (0, 1),
     (1, 2),
@@ -77,7 +96,10 @@ pub static XARM7: Robot = Robot {
         joint(-FRAC_PI_2, 0.076, 0.097, -TWO_PI, TWO_PI),
     ],
     link7_from_flange: DPose3::IDENTITY,
-    flange_from_grip: DPose3 { rotation: DQuat::IDENTITY, translation: DVec3::new(0.0, 0.0, 0.172) },
+    flange_from_grip: DPose3 {
+        rotation: DQuat::IDENTITY,
+        translation: DVec3::new(0.0, 0.0, 0.172),
+    },
     gripper: GripperSpec {
         max_width: 0.085,
         pad_half_extents: Vec3::new(0.011, 0.004, 0.0095),

@@ -6,7 +6,8 @@ use roxmltree::Document;
 /// An element of a document.
 pub(super) type Node<'a> = roxmltree::Node<'a, 'a>;
 
-/// Largest length in a description, metres: what is larger is a unit gone wrong, and would lose precision in f32.
+/// Largest length in a description, metres: what is larger is a unit gone wrong, and would lose
+/// precision in f32.
 pub(super) const MAX_LENGTH: f64 = 1000.0;
 
 /// Characters of a name or value that a message repeats.
@@ -14,7 +15,8 @@ const MAX_QUOTED: usize = 60;
 
 /// The document in `text`; `what` is URDF or SRDF.
 pub(super) fn parse<'a>(what: &str, text: &'a str) -> Result<Document<'a>> {
-    Document::parse(text).map_err(|error| Error::Robot(format!("{what}, line {}: {error}", error.pos().row)))
+    Document::parse(text)
+        .map_err(|error| Error::Robot(format!("{what}, line {}: {error}", error.pos().row)))
 }
 
 /// The `<robot>` of a document in which no macro is left.
@@ -23,8 +25,13 @@ pub(super) fn robot<'a>(what: &str, document: &'a Document<'a>) -> Result<Node<'
     if root.tag_name().name() != "robot" {
         return Err(fault(root, &format!("{what}: the outermost element is not <robot>")));
     }
-    match document.descendants().find(|node| node.tag_name().namespace().is_some_and(|name| name.contains("xacro"))) {
-        Some(node) => Err(fault(node, "a macro that is not expanded: run the file through xacro first")),
+    match document
+        .descendants()
+        .find(|node| node.tag_name().namespace().is_some_and(|name| name.contains("xacro")))
+    {
+        Some(node) => {
+            Err(fault(node, "a macro that is not expanded: run the file through xacro first"))
+        }
         None => Ok(root),
     }
 }
@@ -79,12 +86,16 @@ pub(super) fn attribute<'a>(node: Node<'a>, name: &str) -> Result<&'a str> {
 /// The numbers of an attribute, if it is there; finite as f32, too.
 pub(super) fn numbers<const N: usize>(node: Node<'_>, name: &str) -> Result<Option<[f64; N]>> {
     let Some(text) = node.attribute(name) else { return Ok(None) };
-    let parsed: core::result::Result<Vec<f64>, _> = text.split_whitespace().take(N + 1).map(str::parse).collect();
+    let parsed: core::result::Result<Vec<f64>, _> =
+        text.split_whitespace().take(N + 1).map(str::parse).collect();
     let is_whole = |found: &[f64]| found.iter().all(|x| (*x as f32).is_finite());
     match parsed {
-        Ok(found) if !is_whole(&found) => Err(fault(node, &format!("'{name}' is not finite: {}", quoted(text)))),
+        Ok(found) if !is_whole(&found) => {
+            Err(fault(node, &format!("'{name}' is not finite: {}", quoted(text))))
+        }
         Ok(found) => {
-            let wrong = |_| fault(node, &format!("'{name}' needs {N} numbers, not {}", quoted(text)));
+            let wrong =
+                |_| fault(node, &format!("'{name}' needs {N} numbers, not {}", quoted(text)));
             found.try_into().map(Some).map_err(wrong)
         }
         Err(_) => Err(fault(node, &format!("'{name}' is not made of numbers: {}", quoted(text)))),
@@ -100,7 +111,10 @@ pub(super) fn number(node: Node<'_>, name: &str) -> Result<Option<f64>> {
 pub(super) fn lengths<const N: usize>(node: Node<'_>, name: &str) -> Result<Option<[f64; N]>> {
     let found = numbers::<N>(node, name)?;
     if found.is_some_and(|found| found.iter().any(|x| x.abs() > MAX_LENGTH)) {
-        return Err(fault(node, &format!("'{name}' is more than {MAX_LENGTH} m: lengths are in metres")));
+        return Err(fault(
+            node,
+            &format!("'{name}' is more than {MAX_LENGTH} m: lengths are in metres"),
+        ));
     }
     Ok(found)
 }
@@ -110,7 +124,10 @@ pub(super) fn sizes<const N: usize>(node: Node<'_>, name: &str) -> Result<[f64; 
     attribute(node, name)?;
     let found = lengths::<N>(node, name)?.unwrap_or([0.0; N]);
     if found.iter().any(|x| *x as f32 <= 0.0) {
-        return Err(fault(node, &format!("'{name}' must be positive: {}", quoted(attribute(node, name)?))));
+        return Err(fault(
+            node,
+            &format!("'{name}' must be positive: {}", quoted(attribute(node, name)?)),
+        ));
     }
     Ok(found)
 }

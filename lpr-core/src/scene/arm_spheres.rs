@@ -12,7 +12,8 @@ pub const MAX_LINKS: usize = 32;
 /// Most spheres of a cluster.
 pub(super) const CLUSTER: usize = 4;
 
-/// An element of a rotation this close to 0 or ±1 is that: descriptions round π/2, and quarter turns cost nothing.
+/// An element of a rotation this close to 0 or ±1 is that: descriptions round π/2, and quarter
+/// turns cost nothing.
 const QUARTER_TURN_SLACK: f64 = 1e-5;
 
 /// The spheres of a robot, its kinematics in f32 and the pairs of links that may meet.
@@ -101,7 +102,8 @@ impl ArmSpheres {
     /// The spheres of `robot`.
     #[must_use]
     pub fn new(robot: &Robot) -> Self {
-        let mut arm = Self::from_chain(&Chain::from_robot(robot)).expect("a built-in arm has few links");
+        let mut arm =
+            Self::from_chain(&Chain::from_robot(robot)).expect("a built-in arm has few links");
         for link in arm.links.iter_mut().filter(|link| link.name == "hand") {
             link.part = ArmPart::Hand;
         }
@@ -124,11 +126,12 @@ impl ArmSpheres {
     ///
     /// # Errors
     ///
-    /// When more than [`MAX_LINKS`] links have spheres, there are more than [`DOF`] joints, a frame or sphere is not finite, or a
-    /// link is carried by a joint that there is not.
+    /// When more than [`MAX_LINKS`] links have spheres, there are more than [`DOF`] joints, a frame
+    /// or sphere is not finite, or a link is carried by a joint that there is not.
     pub fn from_chain(chain: &Chain) -> Result<Self> {
         check_chain(chain)?;
-        let mut order: Vec<usize> = (0..chain.links.len()).filter(|&i| !chain.links[i].spheres.is_empty()).collect();
+        let mut order: Vec<usize> =
+            (0..chain.links.len()).filter(|&i| !chain.links[i].spheres.is_empty()).collect();
         order.sort_by_key(|&i| core::cmp::Reverse(chain.links[i].body));
         check_count(order.len())?;
         let is_tested = |&(a, b): &(usize, usize)| {
@@ -145,9 +148,11 @@ impl ArmSpheres {
         })
     }
 
-    /// The arm with an object in its hand: `spheres` in the frame of its tip (of a built-in arm: the flange), metres.
+    /// The arm with an object in its hand: `spheres` in the frame of its tip (of a built-in arm:
+    /// the flange), metres.
     ///
-    /// The object is tested against everything that the hand is, and against every link but those named in `touching`.
+    /// The object is tested against everything that the hand is, and against every link but those
+    /// named in `touching`.
     ///
     /// A stick that reaches 20 cm beyond the fingers:
     ///
@@ -169,9 +174,12 @@ impl ArmSpheres {
     ///
     /// # Errors
     ///
-    /// When a link in `touching` has no spheres or does not exist, a sphere is not finite, or there are too many links.
+    /// When a link in `touching` has no spheres or does not exist, a sphere is not finite, or there
+    /// are too many links.
     pub fn with_attached(&self, spheres: &[Sphere], touching: &[&str]) -> Result<Self> {
-        if let Some(name) = touching.iter().find(|name| !self.links.iter().any(|link| link.name == **name)) {
+        if let Some(name) =
+            touching.iter().find(|name| !self.links.iter().any(|link| link.name == **name))
+        {
             return Err(Error::Robot(format!("link {name}: is none that has spheres")));
         }
         if let Some(idx) = spheres.iter().position(is_broken) {
@@ -186,14 +194,19 @@ impl ArmSpheres {
         let object = arm.links.len();
         let spheres = spheres.iter().map(moved).collect();
         arm.links.push(LinkSpheres::new("attached", self.joints.len(), ArmPart::Hand, spheres));
-        let tested = (0..object).filter(|&link| !touching.contains(&self.links[link].name.as_str()));
+        let tested =
+            (0..object).filter(|&link| !touching.contains(&self.links[link].name.as_str()));
         arm.self_pairs.extend(tested.map(|link| (link, object)));
         Ok(arm)
     }
 
     /// The bits of the links of that name, for [`super::Scene::allow_contact`].
     pub(super) fn link_bits(&self, name: &str) -> u32 {
-        self.links.iter().enumerate().filter(|(_, link)| link.name == name).fold(0, |bits, (idx, _)| bits | (1 << idx))
+        self.links
+            .iter()
+            .enumerate()
+            .filter(|(_, link)| link.name == name)
+            .fold(0, |bits, (idx, _)| bits | (1 << idx))
     }
 
     /// Lower and upper limit of every joint, radians.
@@ -208,8 +221,8 @@ impl ArmSpheres {
         limits.zip(config.iter()).all(|((lower, upper), q)| lower <= q && q <= upper)
     }
 
-    /// Frames of the base and of what every joint carries, in f32: quicker than [`Robot::link_frames`] and within a few
-    /// micrometres of it.
+    /// Frames of the base and of what every joint carries, in f32: quicker than
+    /// [`Robot::link_frames`] and within a few micrometres of it.
     pub(super) fn frames(&self, config: &JointConfig) -> Vec<Frame> {
         let mut frames = vec![Frame::IDENTITY];
         for (joint, q) in self.joints.iter().zip(config.iter()) {
@@ -223,11 +236,16 @@ impl ArmSpheres {
         self.placed_spheres(config).map(|(link, sphere)| (link.name.as_str(), sphere))
     }
 
-    pub(super) fn placed_spheres(&self, config: &JointConfig) -> impl Iterator<Item = (&LinkSpheres, Sphere)> {
+    pub(super) fn placed_spheres(
+        &self,
+        config: &JointConfig,
+    ) -> impl Iterator<Item = (&LinkSpheres, Sphere)> {
         let frames = self.frames(config);
         self.links.iter().flat_map(move |link| {
             let frame = frames[link.body];
-            let placed = move |s: &Sphere| (link, Sphere { center: frame.point(s.center), radius: s.radius });
+            let placed = move |s: &Sphere| {
+                (link, Sphere { center: frame.point(s.center), radius: s.radius })
+            };
             link.clusters.iter().flat_map(|cluster| &cluster.spheres).map(placed)
         })
     }
@@ -268,7 +286,12 @@ fn check_chain(chain: &Chain) -> Result<()> {
     }
     for link in &chain.links {
         if link.body > chain.dof() {
-            return fault(format!("link {}: is on body {}, the last is {}", link.name, link.body, chain.dof()));
+            return fault(format!(
+                "link {}: is on body {}, the last is {}",
+                link.name,
+                link.body,
+                chain.dof()
+            ));
         }
         if let Some(sphere) = link.spheres.iter().find(|sphere| is_broken(sphere)) {
             return fault(format!("link {}: {sphere:?}", link.name));
@@ -293,7 +316,8 @@ fn split(mut spheres: Vec<Sphere>, clusters: &mut Vec<Cluster>) {
         return;
     }
     let low = spheres.iter().fold(Vec3::splat(f32::INFINITY), |low, sphere| low.min(sphere.center));
-    let high = spheres.iter().fold(Vec3::splat(f32::NEG_INFINITY), |high, sphere| high.max(sphere.center));
+    let high =
+        spheres.iter().fold(Vec3::splat(f32::NEG_INFINITY), |high, sphere| high.max(sphere.center));
     let axis = (high - low).max_position();
     spheres.sort_by(|a, b| a.center[axis].total_cmp(&b.center[axis]));
     let others = spheres.split_off(spheres.len() / 2);
@@ -304,10 +328,16 @@ fn split(mut spheres: Vec<Sphere>, clusters: &mut Vec<Cluster>) {
 /// A sphere around `spheres`.
 fn bound(spheres: &[Sphere]) -> Sphere {
     let corner = |sign: f32, sphere: &Sphere| sphere.center + Vec3::splat(sign * sphere.radius);
-    let low = spheres.iter().fold(Vec3::splat(f32::INFINITY), |low, sphere| low.min(corner(-1.0, sphere)));
-    let high = spheres.iter().fold(Vec3::splat(f32::NEG_INFINITY), |high, sphere| high.max(corner(1.0, sphere)));
+    let low = spheres
+        .iter()
+        .fold(Vec3::splat(f32::INFINITY), |low, sphere| low.min(corner(-1.0, sphere)));
+    let high = spheres
+        .iter()
+        .fold(Vec3::splat(f32::NEG_INFINITY), |high, sphere| high.max(corner(1.0, sphere)));
     let center = if spheres.is_empty() { Vec3::ZERO } else { 0.5 * (low + high) };
-    let radius = spheres.iter().fold(0.0, |most: f32, sphere| most.max(length(sphere.center - center) + sphere.radius));
+    let radius = spheres
+        .iter()
+        .fold(0.0, |most: f32, sphere| most.max(length(sphere.center - center) + sphere.radius));
     Sphere { center, radius }
 }
 
@@ -316,12 +346,19 @@ impl JointFrame {
         let pose = joint.parent_from_joint;
         let columns = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| pose.rotation * axis);
         let quarter = |column: DVec3| {
-            let axis = column.to_array().iter().position(|e| (e.abs() - 1.0).abs() < QUARTER_TURN_SLACK)?;
+            let axis = column
+                .to_array()
+                .iter()
+                .position(|e| (e.abs() - 1.0).abs() < QUARTER_TURN_SLACK)?;
             Some((axis, if column[axis] > 0.0 { 1.0 } else { -1.0 }))
         };
         let rotation = match columns.map(quarter) {
             [Some(x), Some(y), Some(z)] => Rotation::QuarterTurns([x, y, z]),
-            _ => Rotation::General(Mat3::from_cols(columns[0].as_vec3(), columns[1].as_vec3(), columns[2].as_vec3())),
+            _ => Rotation::General(Mat3::from_cols(
+                columns[0].as_vec3(),
+                columns[1].as_vec3(),
+                columns[2].as_vec3(),
+            )),
         };
         Self { rotation, translation: pose.translation.as_vec3(), motion: joint.motion }
     }
@@ -352,7 +389,9 @@ impl Frame {
     fn after(&self, joint: &JointFrame, q: f32) -> Self {
         let [x, y, z] = match joint.rotation {
             Rotation::QuarterTurns(turns) => turns.map(|(axis, sign)| self.axes[axis] * sign),
-            Rotation::General(rotation) => [rotation.x_axis, rotation.y_axis, rotation.z_axis].map(|axis| self.vector(axis)),
+            Rotation::General(rotation) => {
+                [rotation.x_axis, rotation.y_axis, rotation.z_axis].map(|axis| self.vector(axis))
+            }
         };
         let origin = self.point(joint.translation);
         match joint.motion {
@@ -387,7 +426,8 @@ mod tests {
                     let center = frames[link] * wanted.center;
                     prop_assert!(found.iter().any(|s| s.radius == wanted.radius && s.center.distance(center) < 5e-6));
                 }
-                // Both compute in f32 from frames that differ by rounding: near misses aside, they agree.
+                // Both compute in f32 from frames that differ by rounding: near misses aside, they
+                // agree.
                 if Scene::empty().is_free(&arm, &config) == robot.self_collides(&config) {
                     let grown = |by: f32| crate::scene::stick_arm::is_free_by_brute_force(robot, &Scene::empty(), &config, by);
                     prop_assert_ne!(grown(-1e-5), grown(1e-5));
@@ -403,7 +443,10 @@ mod tests {
             (|chain| chain.links[3].spheres[0].radius = -0.1, "link link3"),
             (|chain| chain.links[3].spheres[0].center.y = f32::NAN, "link link3"),
             (|chain| chain.links[3].body = 8, "link link3: is on body 8, the last is 7"),
-            (|chain| chain.joints[2].parent_from_joint.translation.x = f64::INFINITY, "joint joint3"),
+            (
+                |chain| chain.joints[2].parent_from_joint.translation.x = f64::INFINITY,
+                "joint joint3",
+            ),
             (|chain| chain.joints.push(chain.joints[0].clone()), "8 joints"),
         ];
         for (change, says) in cases {
@@ -418,7 +461,11 @@ mod tests {
     #[test]
     fn every_arm_is_free_at_its_start() {
         for robot in ROBOTS {
-            assert!(Scene::empty().is_free(&ArmSpheres::new(robot), &robot.start), "{}", robot.name);
+            assert!(
+                Scene::empty().is_free(&ArmSpheres::new(robot), &robot.start),
+                "{}",
+                robot.name
+            );
         }
     }
 }

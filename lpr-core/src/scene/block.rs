@@ -1,7 +1,7 @@
 //! Many configurations at once: one for each lane of the machine's vectors.
 //!
-//! Forward kinematics and checks run together. A link's bounding sphere is tested before its spheres, the hand before the
-//! links behind it, and the first hit in any lane ends the check.
+//! Forward kinematics and checks run together. A link's bounding sphere is tested before its
+//! spheres, the hand before the links behind it, and the first hit in any lane ends the check.
 
 use super::Scene;
 use super::arm_spheres::{ArmPart, ArmSpheres, CLUSTER, Cluster, LinkSpheres, MAX_LINKS, Rotation};
@@ -11,7 +11,8 @@ use arrayvec::ArrayVec;
 use fearless_simd::{Simd, SimdBase as _, SimdMask as _, dispatch};
 use glamx::Vec3;
 
-/// Configurations of a motion are a multiple of this, so that they do not depend on the width of the vectors.
+/// Configurations of a motion are a multiple of this, so that they do not depend on the width of
+/// the vectors.
 const BLOCK: usize = 8;
 /// Most configurations of a motion: their fractions are exact in f32.
 const MAX_STEPS: usize = 1 << 23;
@@ -56,11 +57,13 @@ pub(super) fn motion_is_free(scene: &Scene, arm: &ArmSpheres, motion: Sampled<'_
     if !(motion.a.is_finite() && motion.b.is_finite()) {
         return Checked { is_free: false, n_checks: 0 };
     }
-    let motion = Sampled { n_steps: motion.n_steps.clamp(1, MAX_STEPS).next_multiple_of(BLOCK), ..motion };
+    let motion =
+        Sampled { n_steps: motion.n_steps.clamp(1, MAX_STEPS).next_multiple_of(BLOCK), ..motion };
     dispatch!(arm.level, simd => rake(simd, scene, arm, motion))
 }
 
-/// Lanes are spread evenly over the motion and step back together: a collision anywhere shows early.
+/// Lanes are spread evenly over the motion and step back together: a collision anywhere shows
+/// early.
 #[inline(always)]
 fn rake<S: Simd>(simd: S, scene: &Scene, arm: &ArmSpheres, motion: Sampled<'_>) -> Checked {
     let Sampled { a, b, n_steps: n, looks } = motion;
@@ -104,7 +107,8 @@ fn block_is_free<S: Simd>(simd: S, scene: &Scene, arm: &ArmSpheres, q: &[Floats<
             ArmPart::Arm => &scene.arm_points,
             ArmPart::Hand => &scene.hand_points,
         };
-        if points.meet(simd, link, frame, bound) || scene.solids.meet(1 << idx, link, frame, bound) {
+        if points.meet(simd, link, frame, bound) || scene.solids.meet(1 << idx, link, frame, bound)
+        {
             return false;
         }
     }
@@ -112,11 +116,21 @@ fn block_is_free<S: Simd>(simd: S, scene: &Scene, arm: &ArmSpheres, q: &[Floats<
 }
 
 #[inline(always)]
-fn meets_itself<S: Simd>(simd: S, arm: &ArmSpheres, frames: &[Frames<S>], bounds: &[Vec3s<S>]) -> bool {
+fn meets_itself<S: Simd>(
+    simd: S,
+    arm: &ArmSpheres,
+    frames: &[Frames<S>],
+    bounds: &[Vec3s<S>],
+) -> bool {
     for &(a, b) in &arm.self_pairs {
         let (link_a, link_b) = (&arm.links[a], &arm.links[b]);
         if overlap(bounds[a], link_a.bound.radius, bounds[b], link_b.bound.radius)
-            && links_meet(simd, (link_a, &frames[link_a.body]), (link_b, &frames[link_b.body]), bounds[b])
+            && links_meet(
+                simd,
+                (link_a, &frames[link_a.body]),
+                (link_b, &frames[link_b.body]),
+                bounds[b],
+            )
         {
             return true;
         }
@@ -135,8 +149,12 @@ fn links_meet<S: Simd>(
         let center = frame_a.point(cluster.bound.center);
         if overlap(center, cluster.bound.radius, bound_b, b.bound.radius) {
             for other in &b.clusters {
-                if overlap(center, cluster.bound.radius, frame_b.point(other.bound.center), other.bound.radius)
-                    && clusters_meet(simd, (cluster, frame_a), (other, frame_b))
+                if overlap(
+                    center,
+                    cluster.bound.radius,
+                    frame_b.point(other.bound.center),
+                    other.bound.radius,
+                ) && clusters_meet(simd, (cluster, frame_a), (other, frame_b))
                 {
                     return true;
                 }
@@ -147,7 +165,11 @@ fn links_meet<S: Simd>(
 }
 
 #[inline(always)]
-fn clusters_meet<S: Simd>(simd: S, (a, frame_a): (&Cluster, &Frames<S>), (b, frame_b): (&Cluster, &Frames<S>)) -> bool {
+fn clusters_meet<S: Simd>(
+    simd: S,
+    (a, frame_a): (&Cluster, &Frames<S>),
+    (b, frame_b): (&Cluster, &Frames<S>),
+) -> bool {
     let mut centers = [Vec3s::splat(simd, Vec3::ZERO); CLUSTER];
     for (sphere, center) in b.spheres.iter().zip(&mut centers) {
         *center = frame_b.point(sphere.center);
@@ -172,19 +194,31 @@ fn overlap<S: Simd>(a: Vec3s<S>, radius_a: f32, b: Vec3s<S>, radius_b: f32) -> b
 
 /// Frames of what every joint carries; the first, of the base, is left as it is.
 #[inline(always)]
-fn forward_kinematics<S: Simd>(simd: S, arm: &ArmSpheres, q: &[Floats<S>; DOF], frames: &mut [Frames<S>; DOF + 1]) {
+fn forward_kinematics<S: Simd>(
+    simd: S,
+    arm: &ArmSpheres,
+    q: &[Floats<S>; DOF],
+    frames: &mut [Frames<S>; DOF + 1],
+) {
     for (j, joint) in arm.joints.iter().enumerate() {
         let at = &frames[j];
         let [x, y, z] = match &joint.rotation {
-            Rotation::QuarterTurns(turns) => [at.along(turns[0]), at.along(turns[1]), at.along(turns[2])],
-            Rotation::General(rotation) => [at.vector(rotation.x_axis), at.vector(rotation.y_axis), at.vector(rotation.z_axis)],
+            Rotation::QuarterTurns(turns) => {
+                [at.along(turns[0]), at.along(turns[1]), at.along(turns[2])]
+            }
+            Rotation::General(rotation) => {
+                [at.vector(rotation.x_axis), at.vector(rotation.y_axis), at.vector(rotation.z_axis)]
+            }
         };
         let origin = at.offset(joint.translation);
         frames[j + 1] = match joint.motion {
             Motion::Slide => Frames { axes: [x, y, z], origin: origin.add(z.scaled(q[j])) },
             Motion::Turn => {
                 let (sin, cos) = sincos(simd, q[j]);
-                Frames { axes: [x.scaled(cos).add(y.scaled(sin)), y.scaled(cos).sub(x.scaled(sin)), z], origin }
+                Frames {
+                    axes: [x.scaled(cos).add(y.scaled(sin)), y.scaled(cos).sub(x.scaled(sin)), z],
+                    origin,
+                }
             }
         };
     }
@@ -193,7 +227,8 @@ fn forward_kinematics<S: Simd>(simd: S, arm: &ArmSpheres, q: &[Floats<S>; DOF], 
 impl<S: Simd> Frames<S> {
     #[inline(always)]
     fn identity(simd: S) -> Self {
-        let axes = [Vec3s::splat(simd, Vec3::X), Vec3s::splat(simd, Vec3::Y), Vec3s::splat(simd, Vec3::Z)];
+        let axes =
+            [Vec3s::splat(simd, Vec3::X), Vec3s::splat(simd, Vec3::Y), Vec3s::splat(simd, Vec3::Z)];
         Self { axes, origin: Vec3s::splat(simd, Vec3::ZERO) }
     }
 

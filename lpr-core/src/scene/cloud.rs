@@ -1,6 +1,7 @@
 //! A point cloud as an obstacle: balls around its points, found through a uniform grid.
 //!
-//! Every cell knows a lower bound of its distance to the nearest point, so most queries end after one look-up.
+//! Every cell knows a lower bound of its distance to the nearest point, so most queries end after
+//! one look-up.
 
 use super::arm_spheres::LinkSpheres;
 use super::block::{Frames, MAX_WIDTH};
@@ -40,7 +41,8 @@ pub struct PointCloud {
     grid: Grid,
     /// Index of the first point of every cell, and the number of points last.
     cell_starts: Vec<u32>,
-    /// Lower bound of the squared distance from anywhere in the cell to any point, in squared cells.
+    /// Lower bound of the squared distance from anywhere in the cell to any point, in squared
+    /// cells.
     squared_gaps: Vec<u8>,
 }
 
@@ -54,7 +56,8 @@ struct Grid {
 }
 
 impl PointCloud {
-    /// A cloud of balls of `point_radius` (metres) around `points`; points that are not finite are dropped.
+    /// A cloud of balls of `point_radius` (metres) around `points`; points that are not finite are
+    /// dropped.
     #[must_use]
     pub fn new(points: &[Vec3], point_radius: f32) -> Self {
         let points: Vec<Vec3> = points.iter().copied().filter(|point| is_usable(*point)).collect();
@@ -103,14 +106,16 @@ impl PointCloud {
         let rows = (low[2]..=high[2]).flat_map(|z| (low[1]..=high[1]).map(move |y| [low[0], y, z]));
         let points = rows.flat_map(|row| {
             let first = self.grid.index(row);
-            &self.points[self.cell_starts[first] as usize..self.cell_starts[first + high[0] - low[0] + 1] as usize]
+            &self.points[self.cell_starts[first] as usize
+                ..self.cell_starts[first + high[0] - low[0] + 1] as usize]
         });
         let distances = points.map(|point| ((*point - center).length_squared(), *point));
         let within = distances.filter(|(squared, _)| *squared <= reach * reach);
         within.min_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, point)| point)
     }
 
-    /// Whether the grid alone shows that a ball at `center` meets no point: quick, and never wrong when it says yes.
+    /// Whether the grid alone shows that a ball at `center` meets no point: quick, and never wrong
+    /// when it says yes.
     ///
     /// ```
     /// use lpr_core::glamx::Vec3;
@@ -127,26 +132,43 @@ impl PointCloud {
             return true;
         }
         let inside = center.clamp(self.grid.low, self.grid.high);
-        // Projecting on the box of the points brings the centre closer to each of them, by at least the squared way.
+        // Projecting on the box of the points brings the centre closer to each of them, by at least
+        // the squared way.
         let outside = center - inside;
-        let gap = f32::from(self.squared_gaps[self.grid.index(self.grid.coordinates(inside))]) * self.grid.cell * self.grid.cell;
+        let gap = f32::from(self.squared_gaps[self.grid.index(self.grid.coordinates(inside))])
+            * self.grid.cell
+            * self.grid.cell;
         let reach = radius + self.point_radius;
         outside.dot(outside) + gap > reach * reach
     }
 
-    /// Whether in any lane a sphere of `link`, whose bounding sphere has its centre at `bound`, meets the ball of a point.
+    /// Whether in any lane a sphere of `link`, whose bounding sphere has its centre at `bound`,
+    /// meets the ball of a point.
     #[inline(always)]
-    pub(super) fn meet<S: Simd>(&self, simd: S, link: &LinkSpheres, frame: &Frames<S>, bound: Vec3s<S>) -> bool {
+    pub(super) fn meet<S: Simd>(
+        &self,
+        simd: S,
+        link: &LinkSpheres,
+        frame: &Frames<S>,
+        bound: Vec3s<S>,
+    ) -> bool {
         if self.points.is_empty() || self.perhaps_near(simd, bound, link.bound.radius) == 0 {
             return false;
         }
         for cluster in &link.clusters {
-            if self.perhaps_near(simd, frame.point(cluster.bound.center), cluster.bound.radius) != 0 {
+            if self.perhaps_near(simd, frame.point(cluster.bound.center), cluster.bound.radius) != 0
+            {
                 for sphere in &cluster.spheres {
                     let center = frame.point(sphere.center);
                     let lanes = self.perhaps_near(simd, center, sphere.radius);
                     if lanes != 0
-                        && self.search_lanes(lanes, center.x.as_slice(), center.y.as_slice(), center.z.as_slice(), sphere.radius)
+                        && self.search_lanes(
+                            lanes,
+                            center.x.as_slice(),
+                            center.y.as_slice(),
+                            center.z.as_slice(),
+                            sphere.radius,
+                        )
                     {
                         return true;
                     }
@@ -156,7 +178,8 @@ impl PointCloud {
         false
     }
 
-    /// The lanes, as bits, in which the grid alone does not show that a ball meets no point: [`Self::is_surely_clear`] otherwise.
+    /// The lanes, as bits, in which the grid alone does not show that a ball meets no point:
+    /// [`Self::is_surely_clear`] otherwise.
     #[inline(always)]
     fn perhaps_near<S: Simd>(&self, simd: S, center: Vec3s<S>, radius: f32) -> u64 {
         let grid = &self.grid;
@@ -182,7 +205,9 @@ impl PointCloud {
 
     fn search_lanes(&self, lanes: u64, x: &[f32], y: &[f32], z: &[f32], radius: f32) -> bool {
         let reach = radius + self.point_radius;
-        (0..x.len()).any(|lane| lanes & (1 << lane) != 0 && self.search(Vec3::new(x[lane], y[lane], z[lane]), reach))
+        (0..x.len()).any(|lane| {
+            lanes & (1 << lane) != 0 && self.search(Vec3::new(x[lane], y[lane], z[lane]), reach)
+        })
     }
 
     /// Whether any point lies within `reach` of `center`.
@@ -192,16 +217,21 @@ impl PointCloud {
         (low[2]..=high[2]).any(|z| {
             (low[1]..=high[1]).any(|y| {
                 let first = self.grid.index([low[0], y, z]);
-                let row = self.cell_starts[first] as usize..self.cell_starts[first + high[0] - low[0] + 1] as usize;
-                self.points[row].iter().any(|point| (*point - center).length_squared() <= reach * reach)
+                let row = self.cell_starts[first] as usize
+                    ..self.cell_starts[first + high[0] - low[0] + 1] as usize;
+                self.points[row]
+                    .iter()
+                    .any(|point| (*point - center).length_squared() <= reach * reach)
             })
         })
     }
 }
 
-/// One point for every cube of side `voxel` (metres, at least a millimetre) that holds any: the first of `points` in it.
+/// One point for every cube of side `voxel` (metres, at least a millimetre) that holds any: the
+/// first of `points` in it.
 ///
-/// Points that are not finite or further than a kilometre away are dropped. The result is ordered by cube.
+/// Points that are not finite or further than a kilometre away are dropped. The result is ordered
+/// by cube.
 ///
 /// ```
 /// use lpr_core::glamx::Vec3;
@@ -230,7 +260,8 @@ pub fn downsample(points: &[Vec3], voxel: f32) -> Vec<Vec3> {
     keyed.iter().map(|(_, idx)| points[*idx as usize]).collect()
 }
 
-/// Whether a point is near enough for the grid; axis by axis, since the largest element of a vector may hide a NaN.
+/// Whether a point is near enough for the grid; axis by axis, since the largest element of a vector
+/// may hide a NaN.
 fn is_usable(point: Vec3) -> bool {
     point.abs().cmple(Vec3::splat(MAX_COORDINATE)).all()
 }
@@ -263,7 +294,8 @@ impl Grid {
 
 /// The points in order of their cells, and where every cell starts.
 fn sort_by_cell(points: &[Vec3], grid: &Grid) -> (Vec<Vec3>, Vec<u32>) {
-    let cells: Vec<usize> = points.iter().map(|point| grid.index(grid.coordinates(*point))).collect();
+    let cells: Vec<usize> =
+        points.iter().map(|point| grid.index(grid.coordinates(*point))).collect();
     let mut starts = vec![0_u32; grid.cells.iter().product::<usize>() + 1];
     for &cell in &cells {
         starts[cell + 1] += 1;
@@ -280,11 +312,13 @@ fn sort_by_cell(points: &[Vec3], grid: &Grid) -> (Vec<Vec3>, Vec<u32>) {
     (sorted, starts)
 }
 
-/// Squared gap between every cell and the nearest cell that holds points, in cells, at most [`FAR`].
+/// Squared gap between every cell and the nearest cell that holds points, in cells, at most
+/// [`FAR`].
 ///
 /// The squared gap is a sum over axes, so its minimum is taken one axis after the other.
 fn squared_gaps(grid: &Grid, cell_starts: &[u32]) -> Vec<u8> {
-    let mut gaps: Vec<u8> = cell_starts.windows(2).map(|pair| if pair[0] == pair[1] { u8::MAX } else { 0 }).collect();
+    let mut gaps: Vec<u8> =
+        cell_starts.windows(2).map(|pair| if pair[0] == pair[1] { u8::MAX } else { 0 }).collect();
     let [nx, ny, nz] = grid.cells;
     for (stride, count) in [(1, nx), (nx, ny), (nx * ny, nz)] {
         gaps = spread_along(&gaps, stride, count);
@@ -295,10 +329,13 @@ fn squared_gaps(grid: &Grid, cell_starts: &[u32]) -> Vec<u8> {
     gaps
 }
 
-/// Minimum over the neighbours along one axis, whose cells lie `stride` apart, of their value plus the squared gap to them.
+/// Minimum over the neighbours along one axis, whose cells lie `stride` apart, of their value plus
+/// the squared gap to them.
 fn spread_along(values: &[u8], stride: usize, count: usize) -> Vec<u8> {
     let mut spread = values.to_vec();
-    for (from, to) in values.chunks_exact(stride * count).zip(spread.chunks_exact_mut(stride * count)) {
+    for (from, to) in
+        values.chunks_exact(stride * count).zip(spread.chunks_exact_mut(stride * count))
+    {
         for distance in 1..=WINDOW.min(count - 1) {
             let squared_gap = ((distance - 1) * (distance - 1)) as u8;
             let shift = distance * stride;
@@ -370,7 +407,11 @@ mod tests {
     #[test]
     fn a_point_with_one_broken_coordinate_hides_no_other_point() {
         let along_x = |x: f32| Vec3::new(x, 0.0, 0.0);
-        for broken in [Vec3::new(f32::NAN, 0.0, 0.0), Vec3::new(0.0, f32::NAN, 0.0), Vec3::new(0.0, 0.0, f32::NAN)] {
+        for broken in [
+            Vec3::new(f32::NAN, 0.0, 0.0),
+            Vec3::new(0.0, f32::NAN, 0.0),
+            Vec3::new(0.0, 0.0, f32::NAN),
+        ] {
             let points = [along_x(0.0), broken, along_x(1.0)];
             let cloud = PointCloud::new(&points, 0.01);
             assert_eq!(cloud.points(), [along_x(0.0), along_x(1.0)]);
@@ -381,7 +422,8 @@ mod tests {
 
     #[test]
     fn cubes_of_no_side_lose_no_points() {
-        let points = [Vec3::new(0.5, 0.0, 0.0), Vec3::new(0.51, 0.0, 0.0), Vec3::splat(MAX_COORDINATE)];
+        let points =
+            [Vec3::new(0.5, 0.0, 0.0), Vec3::new(0.51, 0.0, 0.0), Vec3::splat(MAX_COORDINATE)];
         for voxel in [1e-3, 1e-9, 0.0, -1.0, f32::NAN] {
             assert_eq!(downsample(&points, voxel), points, "{voxel}");
         }
@@ -390,8 +432,9 @@ mod tests {
 
     #[test]
     fn a_wide_cloud_gets_larger_cells_and_stays_exact() {
-        let points: Vec<Vec3> =
-            (0..200).map(|i| Vec3::new((i * 37 % 100) as f32, (i * 61 % 100) as f32, (i % 100) as f32)).collect();
+        let points: Vec<Vec3> = (0..200)
+            .map(|i| Vec3::new((i * 37 % 100) as f32, (i * 61 % 100) as f32, (i % 100) as f32))
+            .collect();
         let cloud = PointCloud::new(&points, 0.0);
         assert!(cloud.squared_gaps.len() <= MAX_CELLS);
         for (i, point) in points.iter().enumerate() {

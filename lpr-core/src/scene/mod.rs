@@ -1,7 +1,8 @@
-//! What the arm must not hit: primitives and the point cloud of a camera, against the robot's spheres.
+//! What the arm must not hit: primitives and the point cloud of a camera, against the robot's
+//! spheres.
 //!
-//! Checks run in f32 without fused operations, so that native code and wasm decide alike. The base link is never tested against
-//! the scene, since it does not move.
+//! Checks run in f32 without fused operations, so that native code and wasm decide alike. The base
+//! link is never tested against the scene, since it does not move.
 
 mod arm_spheres;
 mod block;
@@ -21,7 +22,8 @@ pub use arm_spheres::{ArmSpheres, MAX_LINKS};
 pub use cloud::{PointCloud, downsample};
 pub use motion::MotionChecker;
 pub use obstacles::{
-    CONTACT_DISTANCE, HELD_BOX, Holding, ObstacleQuery, POINT_RADIUS, SELF_FILTER_INFLATION, VOXEL, obstacle_scene,
+    CONTACT_DISTANCE, HELD_BOX, Holding, ObstacleQuery, POINT_RADIUS, SELF_FILTER_INFLATION, VOXEL,
+    obstacle_scene,
 };
 pub use primitive::{Face, Primitive};
 pub use proximity::Proximity;
@@ -64,11 +66,16 @@ impl Scene {
         Self::from_primitives(Vec::new())
     }
 
-    /// A scene of solid obstacles. With one of which a number is not finite, or a size below 0, no configuration is free.
+    /// A scene of solid obstacles. With one of which a number is not finite, or a size below 0, no
+    /// configuration is free.
     #[must_use]
     pub fn from_primitives(primitives: Vec<Primitive>) -> Self {
         let no_points = PointCloud::new(&[], 0.0);
-        Self { solids: primitives.into_iter().collect(), arm_points: no_points.clone(), hand_points: no_points }
+        Self {
+            solids: primitives.into_iter().collect(),
+            arm_points: no_points.clone(),
+            hand_points: no_points,
+        }
     }
 
     /// A scene of balls of `point_radius` (metres) around `points`.
@@ -88,8 +95,8 @@ impl Scene {
         Self::empty().with_points(points, point_radius)
     }
 
-    /// The same solids among balls of `point_radius` (metres) around `points`. With a radius that is not finite, or below 0, no
-    /// configuration is free.
+    /// The same solids among balls of `point_radius` (metres) around `points`. With a radius that
+    /// is not finite, or below 0, no configuration is free.
     ///
     /// ```
     /// use lpr_core::glamx::Vec3;
@@ -126,7 +133,8 @@ impl Scene {
         self.solids.primitives()
     }
 
-    /// Lets the link of that name touch one of the primitives, counted in the order in which they were given.
+    /// Lets the link of that name touch one of the primitives, counted in the order in which they
+    /// were given.
     ///
     /// The scene is then one for `arm`: other arms number their links otherwise.
     ///
@@ -165,7 +173,12 @@ impl Scene {
     /// Whether the arm at `config` meets neither the scene nor itself.
     #[must_use]
     pub fn is_free(&self, arm: &ArmSpheres, config: &JointConfig) -> bool {
-        block::motion_is_free(self, arm, Sampled { a: config, b: config, n_steps: 1, looks: Looks::Ends }).is_free
+        block::motion_is_free(
+            self,
+            arm,
+            Sampled { a: config, b: config, n_steps: 1, looks: Looks::Ends },
+        )
+        .is_free
     }
 }
 

@@ -6,7 +6,8 @@ use crate::robot::JointConfig;
 use core::cell::Cell;
 use core::fmt;
 
-/// Checks motions of one arm in one scene at a fixed resolution, and counts the configurations it looked at.
+/// Checks motions of one arm in one scene at a fixed resolution, and counts the configurations it
+/// looked at.
 ///
 /// Both ends are free, but not the way between them:
 ///
@@ -38,20 +39,27 @@ impl fmt::Debug for MotionChecker<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { scene, arm, checks_per_radian, n_checks, stop: _ } = self;
         let mut debug = f.debug_struct("MotionChecker");
-        debug.field("scene", scene).field("arm", arm).field("checks_per_radian", checks_per_radian).field("n_checks", n_checks);
+        debug
+            .field("scene", scene)
+            .field("arm", arm)
+            .field("checks_per_radian", checks_per_radian)
+            .field("n_checks", n_checks);
         debug.finish_non_exhaustive()
     }
 }
 
 impl<'a> MotionChecker<'a> {
-    /// A checker that looks at `checks_per_radian` configurations for each radian of joint-space distance.
+    /// A checker that looks at `checks_per_radian` configurations for each radian of joint-space
+    /// distance.
     #[must_use]
     pub const fn new(scene: &'a Scene, arm: &'a ArmSpheres, checks_per_radian: f32) -> Self {
         Self { scene, arm, checks_per_radian, n_checks: Cell::new(0), stop: None }
     }
 
-    /// The same, for planners that give up with [`Rejection::Stopped`](crate::path::Rejection::Stopped) once `stop` says so: they
-    /// ask in every iteration. A clock makes results depend on the machine; a flag ends a search that nobody waits for.
+    /// The same, for planners that give up with
+    /// [`Rejection::Stopped`](crate::path::Rejection::Stopped) once `stop` says so: they ask in
+    /// every iteration. A clock makes results depend on the machine; a flag ends a search that
+    /// nobody waits for.
     ///
     /// ```
     /// use lpr_core::glamx::Vec3;
@@ -125,7 +133,8 @@ impl<'a> MotionChecker<'a> {
         self.scene.is_free(self.arm, config)
     }
 
-    /// Everything that the arm at `config` is nearer to than `reach`, metres: [`Scene::proximities`].
+    /// Everything that the arm at `config` is nearer to than `reach`, metres:
+    /// [`Scene::proximities`].
     #[must_use]
     pub fn proximities(&self, config: &JointConfig, reach: f32) -> Vec<Proximity> {
         self.n_checks.set(self.n_checks.get() + 1);
@@ -140,8 +149,8 @@ impl<'a> MotionChecker<'a> {
         self.look(a, b, Looks::Ends)
     }
 
-    /// Whether a motion that [`Self::motion_is_free`] found free, in whichever direction, is so half-way between the
-    /// configurations that it looked at.
+    /// Whether a motion that [`Self::motion_is_free`] found free, in whichever direction, is so
+    /// half-way between the configurations that it looked at.
     pub(crate) fn is_free_between(&self, a: &JointConfig, b: &JointConfig) -> bool {
         self.look(a, b, Looks::Middles)
     }
@@ -185,36 +194,58 @@ mod tests {
     fn a_post_anywhere_on_the_way_of_a_turning_arm_is_found() {
         let robot = stick_arm();
         let arm = ArmSpheres::new(&robot);
-        let at = |turn: f32| JointConfig(core::array::from_fn(|j| if j == 0 { turn } else { robot.start[j] }));
+        let at = |turn: f32| {
+            JointConfig(core::array::from_fn(|j| if j == 0 { turn } else { robot.start[j] }))
+        };
         let reach = robot.grip(&robot.start).translation;
         for i in 0..40_u8 {
             let angle = -1.0 + 0.05 * f32::from(i);
             let base = Vec3::new(reach.x * angle.cos(), reach.x * angle.sin(), 0.0);
-            let scene = Scene::from_primitives(vec![Primitive::Capsule { a: base, b: base + Vec3::Z, radius: 0.01 }]);
+            let scene = Scene::from_primitives(vec![Primitive::Capsule {
+                a: base,
+                b: base + Vec3::Z,
+                radius: 0.01,
+            }]);
             let checker = MotionChecker::new(&scene, &arm, 32.0);
             assert!(!checker.motion_is_free(&at(-1.2), &at(1.2)), "post at {angle}");
             assert!(!checker.path_is_free(&[at(-1.2), at(1.2)]), "post at {angle}");
         }
     }
 
-    /// What decides whether a second look finds something: an obstacle so small that the first may step over it.
+    /// What decides whether a second look finds something: an obstacle so small that the first may
+    /// step over it.
     #[test]
     fn looks_at_and_between_the_checks_are_those_of_twice_the_resolution() {
         let robot = stick_arm();
         let arm = ArmSpheres::new(&robot);
-        let at = |turn: f32| JointConfig(core::array::from_fn(|j| if j == 0 { turn } else { robot.start[j] }));
+        let at = |turn: f32| {
+            JointConfig(core::array::from_fn(|j| if j == 0 { turn } else { robot.start[j] }))
+        };
         let grip = robot.grip(&robot.start).translation.x;
         let mut n_between_alone = 0;
         for i in 0..200_u8 {
             let angle = -1.0 + 0.01 * f32::from(i);
-            let center = Vec3::new(grip * angle.cos(), grip * angle.sin(), robot.grip(&robot.start).translation.z);
+            let center = Vec3::new(
+                grip * angle.cos(),
+                grip * angle.sin(),
+                robot.grip(&robot.start).translation.z,
+            );
             let scene = Scene::from_primitives(vec![Primitive::Sphere { center, radius: 0.001 }]);
             // 16 and 32 steps: multiples of a block.
             let coarse = MotionChecker::new(&scene, &arm, 8.0);
             let (a, b) = (at(-1.0), at(1.0));
-            let (is_free, is_free_between) = (coarse.motion_is_free(&a, &b), coarse.is_free_between(&a, &b));
-            assert_eq!(is_free && is_free_between, coarse.finer(2.0).motion_is_free(&a, &b), "ball at {angle}");
-            assert_eq!(is_free_between, coarse.is_free_between(&b, &a), "ball at {angle}, backwards");
+            let (is_free, is_free_between) =
+                (coarse.motion_is_free(&a, &b), coarse.is_free_between(&a, &b));
+            assert_eq!(
+                is_free && is_free_between,
+                coarse.finer(2.0).motion_is_free(&a, &b),
+                "ball at {angle}"
+            );
+            assert_eq!(
+                is_free_between,
+                coarse.is_free_between(&b, &a),
+                "ball at {angle}, backwards"
+            );
             n_between_alone += u32::from(is_free && !is_free_between);
         }
         assert!(n_between_alone > 10, "{n_between_alone}");

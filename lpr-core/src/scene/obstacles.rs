@@ -1,29 +1,37 @@
-//! The obstacle cloud: what the cameras saw, minus the robot itself, minus what it holds, with the contact rule.
+//! The obstacle cloud: what the cameras saw, minus the robot itself, minus what it holds, with the
+//! contact rule.
 //!
-//! No simulator state enters, so the same function serves a real camera. Depth on the table is an obstacle like any other.
+//! No simulator state enters, so the same function serves a real camera. Depth on the table is an
+//! obstacle like any other.
 
 use super::arm_spheres::ArmPart;
 use super::{ArmSpheres, PointCloud, Scene, downsample};
 use crate::robot::{HAND, JointConfig, Robot, Sphere};
 use glamx::{Pose3, Vec3};
 
-/// One point of the camera's cloud is kept per cube of this side, metres: finer detail than the spheres resolve.
+/// One point of the camera's cloud is kept per cube of this side, metres: finer detail than the
+/// spheres resolve.
 pub const VOXEL: f32 = 0.01;
 
-/// Radius of the ball around every kept point, metres: half a voxel's diagonal and the spacing of a 128 × 128 image at 1 m.
+/// Radius of the ball around every kept point, metres: half a voxel's diagonal and the spacing of a
+/// 128 × 128 image at 1 m.
 pub const POINT_RADIUS: f32 = 0.01;
 
-/// Points this close to the robot's spheres at the measured configuration are the robot itself, metres.
+/// Points this close to the robot's spheres at the measured configuration are the robot itself,
+/// metres.
 ///
-/// It covers the error of depth and calibration, fingers that are not as far open as modelled, and [`POINT_RADIUS`].
+/// It covers the error of depth and calibration, fingers that are not as far open as modelled, and
+/// [`POINT_RADIUS`].
 pub const SELF_FILTER_INFLATION: f32 = 0.025;
 
-/// Contact rule: points this close to the gripper at the start or the goal are no obstacles for the gripper, metres.
+/// Contact rule: points this close to the gripper at the start or the goal are no obstacles for the
+/// gripper, metres.
 pub const CONTACT_DISTANCE: f32 = 0.02;
 
 /// Corners, in the grip frame, of the box whose points are taken for the held object, metres.
 ///
-/// It reaches 2 cm beyond the grip along the approach, so that a table under a small object stays an obstacle elsewhere.
+/// It reaches 2 cm beyond the grip along the approach, so that a table under a small object stays
+/// an obstacle elsewhere.
 pub const HELD_BOX: [Vec3; 2] = [Vec3::new(-0.08, -0.08, -0.08), Vec3::new(0.08, 0.08, 0.02)];
 
 /// Distance from the flange to the furthest point of the hand, with fingers and some room, metres.
@@ -68,8 +76,9 @@ pub struct ObstacleQuery<'a> {
 
 /// The scene that a cloud of `points` (world frame, metres) makes.
 ///
-/// Dropped: points that are not finite or beyond the arm's reach, the robot itself, and the held object. Points within
-/// [`CONTACT_DISTANCE`] of the gripper at the start or the goal stay obstacles for links 1–7 only.
+/// Dropped: points that are not finite or beyond the arm's reach, the robot itself, and the held
+/// object. Points within [`CONTACT_DISTANCE`] of the gripper at the start or the goal stay
+/// obstacles for links 1–7 only.
 ///
 /// ```
 /// use lpr_core::glamx::{Pose3, Vec3};
@@ -93,17 +102,22 @@ pub struct ObstacleQuery<'a> {
 pub fn obstacle_scene(query: &ObstacleQuery<'_>, points: &[Vec3]) -> Scene {
     let arm = ArmSpheres::new(query.robot);
     let reach = reach(query.robot);
-    let itself = Balls::new(arm.spheres_at(query.measured).map(|(_, sphere)| sphere), SELF_FILTER_INFLATION);
+    let itself =
+        Balls::new(arm.spheres_at(query.measured).map(|(_, sphere)| sphere), SELF_FILTER_INFLATION);
     let world_from_grip = query.robot.grip(query.measured);
-    let in_reach: Vec<Vec3> =
-        points.iter().copied().filter(|point| (*point - reach.center).length_squared() <= reach.radius * reach.radius).collect();
+    let in_reach: Vec<Vec3> = points
+        .iter()
+        .copied()
+        .filter(|point| (*point - reach.center).length_squared() <= reach.radius * reach.radius)
+        .collect();
     let arm_points: Vec<Vec3> = downsample(&in_reach, VOXEL)
         .into_iter()
         .filter(|point| !itself.hold(*point))
         .filter(|point| query.holding == Holding::Nothing || !is_held(&world_from_grip, *point))
         .collect();
     let contact = gripper_in_contact(query, &arm);
-    let hand_points: Vec<Vec3> = arm_points.iter().copied().filter(|point| !contact.hold(*point)).collect();
+    let hand_points: Vec<Vec3> =
+        arm_points.iter().copied().filter(|point| !contact.hold(*point)).collect();
     Scene {
         arm_points: PointCloud::new(&arm_points, POINT_RADIUS),
         hand_points: PointCloud::new(&hand_points, POINT_RADIUS),
@@ -113,7 +127,10 @@ pub fn obstacle_scene(query: &ObstacleQuery<'_>, points: &[Vec3]) -> Scene {
 
 /// A ball around the shoulder that the arm with its hand cannot leave.
 fn reach(robot: &Robot) -> Sphere {
-    let beyond_shoulder: f64 = robot.joints[2..].iter().map(|joint| libm::sqrt(joint.a * joint.a + joint.d * joint.d)).sum();
+    let beyond_shoulder: f64 = robot.joints[2..]
+        .iter()
+        .map(|joint| libm::sqrt(joint.a * joint.a + joint.d * joint.d))
+        .sum();
     let flange = robot.link7_from_flange.translation.length();
     let radius = (beyond_shoulder + flange) as f32 + HAND_LENGTH;
     Sphere { center: Vec3::new(0.0, 0.0, robot.joints[0].d as f32), radius }
@@ -126,12 +143,18 @@ fn is_held(world_from_grip: &Pose3, point: Vec3) -> bool {
 
 /// The gripper at the measured configuration and at the goal, inflated by [`CONTACT_DISTANCE`].
 fn gripper_in_contact(query: &ObstacleQuery<'_>, arm: &ArmSpheres) -> Balls {
-    let start = arm.placed_spheres(query.measured).filter(|(link, _)| link.part == ArmPart::Hand).map(|(_, sphere)| sphere);
+    let start = arm
+        .placed_spheres(query.measured)
+        .filter(|(link, _)| link.part == ArmPart::Hand)
+        .map(|(_, sphere)| sphere);
     let grip_from_flange = Pose3::from(query.robot.flange_from_grip.inverse());
     let goal = query.goal.into_iter().flat_map(|world_from_grip| {
         let world_from_flange = *world_from_grip * grip_from_flange;
         let hand = query.robot.spheres[HAND].iter();
-        hand.map(move |sphere| Sphere { center: world_from_flange * sphere.center, radius: sphere.radius })
+        hand.map(move |sphere| Sphere {
+            center: world_from_flange * sphere.center,
+            radius: sphere.radius,
+        })
     });
     Balls::new(start.chain(goal), CONTACT_DISTANCE)
 }
@@ -146,16 +169,24 @@ struct Balls {
 impl Balls {
     /// The `spheres`, each grown by `inflation` (metres).
     fn new(spheres: impl Iterator<Item = Sphere>, inflation: f32) -> Self {
-        let balls: Vec<Sphere> = spheres.map(|ball| Sphere { radius: ball.radius + inflation, ..ball }).collect();
-        let low = balls.iter().fold(Vec3::splat(f32::INFINITY), |low, ball| low.min(ball.center - ball.radius));
-        let high = balls.iter().fold(Vec3::splat(f32::NEG_INFINITY), |high, ball| high.max(ball.center + ball.radius));
+        let balls: Vec<Sphere> =
+            spheres.map(|ball| Sphere { radius: ball.radius + inflation, ..ball }).collect();
+        let low = balls
+            .iter()
+            .fold(Vec3::splat(f32::INFINITY), |low, ball| low.min(ball.center - ball.radius));
+        let high = balls
+            .iter()
+            .fold(Vec3::splat(f32::NEG_INFINITY), |high, ball| high.max(ball.center + ball.radius));
         Self { balls, low, high }
     }
 
     fn hold(&self, point: Vec3) -> bool {
         point.cmpge(self.low).all()
             && point.cmple(self.high).all()
-            && self.balls.iter().any(|ball| (point - ball.center).length_squared() <= ball.radius * ball.radius)
+            && self
+                .balls
+                .iter()
+                .any(|ball| (point - ball.center).length_squared() <= ball.radius * ball.radius)
     }
 }
 
@@ -167,10 +198,12 @@ mod tests {
     /// A table with a box, seen without noise, and the arm itself.
     fn view(robot: &Robot) -> Vec<Vec3> {
         let grid = |n: u16, at: f32| f32::from(n) * 0.02 + at;
-        let table = (0..60).flat_map(|x| (0..60).map(move |y| Vec3::new(grid(x, -0.3), grid(y, -0.6), 0.0)));
+        let table = (0..60)
+            .flat_map(|x| (0..60).map(move |y| Vec3::new(grid(x, -0.3), grid(y, -0.6), 0.0)));
         let arm = ArmSpheres::new(robot);
         let skin = arm.spheres_at(&robot.start).flat_map(|(_, sphere)| {
-            [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y].map(|side| sphere.center + sphere.radius * side)
+            [Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y]
+                .map(|side| sphere.center + sphere.radius * side)
         });
         table.chain(skin.collect::<Vec<_>>()).chain([Vec3::NAN, Vec3::new(9.0, 0.0, 0.5)]).collect()
     }
@@ -200,7 +233,10 @@ mod tests {
         let finger = lowered * Vec3::new(0.0, 0.05, 0.0);
         assert!(!scene.hand_points.touches(finger, 0.01));
         assert!(scene.arm_points.touches(finger, 0.01));
-        assert!(scene.hand_points.touches(finger + Vec3::new(0.1, 0.0, 0.0), 0.02), "the table elsewhere");
+        assert!(
+            scene.hand_points.touches(finger + Vec3::new(0.1, 0.0, 0.0), 0.02),
+            "the table elsewhere"
+        );
         let goal = robot.ik_nearest(&lowered, &robot.start).unwrap();
         assert!(scene.is_free(&ArmSpheres::new(&robot), &goal));
         let strict = obstacle_scene(&query(&robot, None, Holding::Nothing), &view(&robot));
@@ -213,7 +249,12 @@ mod tests {
         // Out of the self-filter, in the box.
         let held = robot.grip(&robot.start) * Vec3::new(0.07, 0.0, 0.0);
         let below = robot.grip(&robot.start) * Vec3::new(0.07, 0.0, 0.05);
-        let left = |holding| obstacle_scene(&query(&robot, None, holding), &[held, below]).arm_points.points().to_vec();
+        let left = |holding| {
+            obstacle_scene(&query(&robot, None, holding), &[held, below])
+                .arm_points
+                .points()
+                .to_vec()
+        };
         assert_eq!(left(Holding::Object), [below]);
         assert_eq!(left(Holding::Nothing).len(), 2);
     }

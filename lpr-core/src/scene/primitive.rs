@@ -77,7 +77,8 @@ pub struct Face {
 }
 
 impl Primitive {
-    /// The obstacle that `shape` makes at `world_from_shape`; a convex hull of points in a plane becomes the box around them.
+    /// The obstacle that `shape` makes at `world_from_shape`; a convex hull of points in a plane
+    /// becomes the box around them.
     ///
     /// ```
     /// use lpr_core::glamx::{Pose3, Quat, Vec3};
@@ -96,22 +97,34 @@ impl Primitive {
     #[must_use]
     pub fn new(shape: &Shape, world_from_shape: &Pose3) -> Self {
         match shape {
-            Shape::Sphere { radius } => Self::Sphere { center: world_from_shape.translation, radius: *radius },
-            Shape::Cuboid { half_extents } => Self::Cuboid { world_from_box: *world_from_shape, half_extents: *half_extents },
-            Shape::Cylinder { radius, half_length } => {
-                Self::Cylinder { world_from_cylinder: *world_from_shape, radius: *radius, half_length: *half_length }
+            Shape::Sphere { radius } => {
+                Self::Sphere { center: world_from_shape.translation, radius: *radius }
             }
+            Shape::Cuboid { half_extents } => {
+                Self::Cuboid { world_from_box: *world_from_shape, half_extents: *half_extents }
+            }
+            Shape::Cylinder { radius, half_length } => Self::Cylinder {
+                world_from_cylinder: *world_from_shape,
+                radius: *radius,
+                half_length: *half_length,
+            },
             Shape::Capsule { radius, half_length } => {
                 let end = *half_length * Vec3::Z;
-                Self::Capsule { a: *world_from_shape * -end, b: *world_from_shape * end, radius: *radius }
+                Self::Capsule {
+                    a: *world_from_shape * -end,
+                    b: *world_from_shape * end,
+                    radius: *radius,
+                }
             }
-            Shape::Convex { points } => hull_of(points, world_from_shape).unwrap_or_else(|| box_around(points, world_from_shape)),
+            Shape::Convex { points } => hull_of(points, world_from_shape)
+                .unwrap_or_else(|| box_around(points, world_from_shape)),
         }
     }
 
     /// Distance from `point` to the solid, metres; 0 inside.
     ///
-    /// Of a hull it is the distance to the plane of its furthest face: less than the true one beyond edges and corners, never more.
+    /// Of a hull it is the distance to the plane of its furthest face: less than the true one
+    /// beyond edges and corners, never more.
     #[must_use]
     pub fn distance(&self, point: Vec3) -> f32 {
         match self {
@@ -120,14 +133,18 @@ impl Primitive {
                 let local = world_from_box.inverse_transform_point(point);
                 length((local.abs() - *half_extents).max(Vec3::ZERO))
             }
-            Self::Capsule { a, b, radius } => (length(from_segment(point, *a, *b)) - radius).max(0.0),
+            Self::Capsule { a, b, radius } => {
+                (length(from_segment(point, *a, *b)) - radius).max(0.0)
+            }
             Self::Cylinder { world_from_cylinder, radius, half_length } => {
                 let local = world_from_cylinder.inverse_transform_point(point);
                 let radial = (libm::sqrtf(local.x * local.x + local.y * local.y) - radius).max(0.0);
                 let axial = (local.z.abs() - half_length).max(0.0);
                 libm::sqrtf(radial * radial + axial * axial)
             }
-            Self::Hull { faces } => faces.iter().fold(0.0, |most: f32, face| most.max(face.normal.dot(point) - face.offset)),
+            Self::Hull { faces } => faces
+                .iter()
+                .fold(0.0, |most: f32, face| most.max(face.normal.dot(point) - face.offset)),
         }
     }
 }
@@ -145,7 +162,9 @@ impl Primitive {
             Self::Cylinder { world_from_cylinder, radius, half_length } => {
                 world_from_cylinder.is_finite() && is_size(*radius) && is_size(*half_length)
             }
-            Self::Hull { faces } => faces.iter().all(|face| face.normal.is_finite() && face.offset.is_finite()),
+            Self::Hull { faces } => {
+                faces.iter().all(|face| face.normal.is_finite() && face.offset.is_finite())
+            }
         }
     }
 }
@@ -165,7 +184,8 @@ fn hull_of(points: &[Vec3], world_from_shape: &Pose3) -> Option<Primitive> {
         }
         let normal = normal / length(normal);
         // As far out as the furthest point, so that rounding cuts nothing off.
-        let offset = placed.iter().fold(f32::NEG_INFINITY, |most, point| most.max(normal.dot(*point)));
+        let offset =
+            placed.iter().fold(f32::NEG_INFINITY, |most, point| most.max(normal.dot(*point)));
         if !faces.iter().any(|face| face.normal.distance(normal) < SAME_PLANE) {
             faces.push(Face { normal, offset });
         }
@@ -178,7 +198,8 @@ fn box_around(points: &[Vec3], world_from_shape: &Pose3) -> Primitive {
     let first = points.first().copied().unwrap_or(Vec3::ZERO);
     let low = points.iter().fold(first, |low, point| low.min(*point));
     let high = points.iter().fold(first, |high, point| high.max(*point));
-    let world_from_box = Pose3::from_parts(*world_from_shape * (0.5 * (low + high)), world_from_shape.rotation);
+    let world_from_box =
+        Pose3::from_parts(*world_from_shape * (0.5 * (low + high)), world_from_shape.rotation);
     Primitive::Cuboid { world_from_box, half_extents: 0.5 * (high - low) }
 }
 
@@ -207,7 +228,8 @@ mod tests {
     }
 
     fn pose() -> impl Strategy<Value = Pose3> {
-        (vec3(-1.0..1.0), vec3(-3.0..3.0)).prop_map(|(at, turn)| Pose3::from_parts(at, Quat::from_scaled_axis(turn)))
+        (vec3(-1.0..1.0), vec3(-3.0..3.0))
+            .prop_map(|(at, turn)| Pose3::from_parts(at, Quat::from_scaled_axis(turn)))
     }
 
     proptest! {

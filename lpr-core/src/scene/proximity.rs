@@ -1,7 +1,9 @@
-//! What the arm is near to, by signed distance with its gradient in joint space: for planners that optimise.
+//! What the arm is near to, by signed distance with its gradient in joint space: for planners that
+//! optimise.
 //!
-//! Scalar: a planner looks at a few thousand configurations. The sphere decides, as in the checks: a link's distance is that of
-//! its nearest sphere, and its gradient that sphere's, by the geometric Jacobian of its centre.
+//! Scalar: a planner looks at a few thousand configurations. The sphere decides, as in the checks:
+//! a link's distance is that of its nearest sphere, and its gradient that sphere's, by the
+//! geometric Jacobian of its centre.
 
 use super::arm_spheres::{ArmPart, ArmSpheres, Frame, LinkSpheres};
 use super::primitive::length;
@@ -48,10 +50,15 @@ struct Placed<'a> {
 }
 
 impl Scene {
-    /// Every pair of a link and a solid, a cloud or another link that are less than `reach` (metres) apart; none whose contact is
-    /// allowed.
+    /// Every pair of a link and a solid, a cloud or another link that are less than `reach`
+    /// (metres) apart; none whose contact is allowed.
     #[must_use]
-    pub fn proximities(&self, arm: &ArmSpheres, config: &JointConfig, reach: f32) -> Vec<Proximity> {
+    pub fn proximities(
+        &self,
+        arm: &ArmSpheres,
+        config: &JointConfig,
+        reach: f32,
+    ) -> Vec<Proximity> {
         let placed = Placed { arm, frames: arm.frames(config) };
         let mut found = Vec::new();
         for (idx, link) in arm.links.iter().enumerate() {
@@ -60,12 +67,21 @@ impl Scene {
                 ArmPart::Arm => &self.arm_points,
                 ArmPart::Hand => &self.hand_points,
             };
-            let from_solids = self.solids.forbidden(1 << idx).filter_map(|solid| placed.nearest_to_solid(link, solid, reach));
+            let from_solids = self
+                .solids
+                .forbidden(1 << idx)
+                .filter_map(|solid| placed.nearest_to_solid(link, solid, reach));
             let from_points = placed.nearest_to_points(link, points, reach);
             let nearest = from_solids.chain(from_points);
-            found.extend(nearest.map(|near| placed.proximity(near.gap.distance, &[(link, near.center, near.gap.normal)])));
+            found.extend(nearest.map(|near| {
+                placed.proximity(near.gap.distance, &[(link, near.center, near.gap.normal)])
+            }));
         }
-        found.extend(arm.self_pairs.iter().filter_map(|&(a, b)| placed.between(&arm.links[a], &arm.links[b], reach)));
+        found.extend(
+            arm.self_pairs
+                .iter()
+                .filter_map(|&(a, b)| placed.between(&arm.links[a], &arm.links[b], reach)),
+        );
         found
     }
 }
@@ -76,28 +92,47 @@ impl Placed<'_> {
     }
 
     fn spheres(&self, link: &LinkSpheres) -> impl Iterator<Item = Sphere> {
-        link.clusters.iter().flat_map(|cluster| &cluster.spheres).map(|sphere| self.place(link, sphere))
+        link.clusters
+            .iter()
+            .flat_map(|cluster| &cluster.spheres)
+            .map(|sphere| self.place(link, sphere))
     }
 
-    fn nearest_to_solid(&self, link: &LinkSpheres, solid: &Primitive, reach: f32) -> Option<Nearest> {
+    fn nearest_to_solid(
+        &self,
+        link: &LinkSpheres,
+        solid: &Primitive,
+        reach: f32,
+    ) -> Option<Nearest> {
         let bound = self.place(link, &link.bound);
         if solid.distance(bound.center) >= bound.radius + reach {
             return None;
         }
-        let gaps = self
-            .spheres(link)
-            .map(|sphere| Nearest { center: sphere.center, gap: inflated(solid.signed_distance(sphere.center), sphere.radius) });
-        gaps.filter(|near| near.gap.distance < reach).min_by(|a, b| a.gap.distance.total_cmp(&b.gap.distance))
+        let gaps = self.spheres(link).map(|sphere| Nearest {
+            center: sphere.center,
+            gap: inflated(solid.signed_distance(sphere.center), sphere.radius),
+        });
+        gaps.filter(|near| near.gap.distance < reach)
+            .min_by(|a, b| a.gap.distance.total_cmp(&b.gap.distance))
     }
 
-    fn nearest_to_points(&self, link: &LinkSpheres, cloud: &PointCloud, reach: f32) -> Option<Nearest> {
+    fn nearest_to_points(
+        &self,
+        link: &LinkSpheres,
+        cloud: &PointCloud,
+        reach: f32,
+    ) -> Option<Nearest> {
         let bound = self.place(link, &link.bound);
         if cloud.is_surely_clear(bound.center, bound.radius + reach) {
             return None;
         }
         let gaps = self.spheres(link).filter_map(|sphere| {
-            let point = cloud.nearest_within(sphere.center, sphere.radius + cloud.point_radius() + reach)?;
-            let gap = SignedDistance::from_ball(sphere.center - point, sphere.radius + cloud.point_radius());
+            let point = cloud
+                .nearest_within(sphere.center, sphere.radius + cloud.point_radius() + reach)?;
+            let gap = SignedDistance::from_ball(
+                sphere.center - point,
+                sphere.radius + cloud.point_radius(),
+            );
             Some(Nearest { center: sphere.center, gap })
         });
         gaps.min_by(|a, b| a.gap.distance.total_cmp(&b.gap.distance))
@@ -109,12 +144,17 @@ impl Placed<'_> {
             return None;
         }
         let others: Vec<Sphere> = self.spheres(b).collect();
-        let pairs = self.spheres(a).flat_map(|sphere| others.iter().map(move |other| (sphere, *other)));
+        let pairs =
+            self.spheres(a).flat_map(|sphere| others.iter().map(move |other| (sphere, *other)));
         let gaps = pairs.map(|(sphere, other)| {
-            let gap = SignedDistance::from_ball(sphere.center - other.center, sphere.radius + other.radius);
+            let gap = SignedDistance::from_ball(
+                sphere.center - other.center,
+                sphere.radius + other.radius,
+            );
             (gap, sphere.center, other.center)
         });
-        let (gap, center_a, center_b) = gaps.min_by(|(a, ..), (b, ..)| a.distance.total_cmp(&b.distance))?;
+        let (gap, center_a, center_b) =
+            gaps.min_by(|(a, ..), (b, ..)| a.distance.total_cmp(&b.distance))?;
         let moving = [(a, center_a, gap.normal), (b, center_b, -gap.normal)];
         (gap.distance < reach).then(|| self.proximity(gap.distance, &moving))
     }
@@ -161,10 +201,16 @@ mod tests {
 
     /// A box, a capsule and a few points.
     fn scene() -> impl Strategy<Value = Scene> {
-        (prop::collection::vec(position(), 3), prop::array::uniform3(-3.0_f32..3.0), prop::collection::vec(position(), 0..20))
+        (
+            prop::collection::vec(position(), 3),
+            prop::array::uniform3(-3.0_f32..3.0),
+            prop::collection::vec(position(), 0..20),
+        )
             .prop_map(|(at, turn, points)| {
-                let world_from_box = Pose3::from_parts(at[0], Quat::from_scaled_axis(Vec3::from_array(turn)));
-                let block = Primitive::Cuboid { world_from_box, half_extents: Vec3::new(0.1, 0.02, 0.2) };
+                let world_from_box =
+                    Pose3::from_parts(at[0], Quat::from_scaled_axis(Vec3::from_array(turn)));
+                let block =
+                    Primitive::Cuboid { world_from_box, half_extents: Vec3::new(0.1, 0.02, 0.2) };
                 let bar = Primitive::Capsule { a: at[1], b: at[2], radius: 0.03 };
                 Scene::from_primitives(vec![block, bar]).with_points(&points, 0.01)
             })
@@ -197,8 +243,8 @@ mod tests {
                     scene.proximities(&arm, &moved, REACH)
                 };
                 let (before, after) = (moved(-STEP), moved(STEP));
-                // Pairs that come within reach change the list; a pair's nearest sphere or face may change, too, and then the
-                // slopes on both sides differ.
+                // Pairs that come within reach change the list; a pair's nearest sphere or face may
+                // change, too, and then the slopes on both sides differ.
                 if before.len() != here.len() || after.len() != here.len() {
                     continue;
                 }

@@ -42,7 +42,9 @@ impl Primitive {
     pub fn signed_distance(&self, point: Vec3) -> SignedDistance {
         match self {
             Self::Sphere { center, radius } => SignedDistance::from_ball(point - *center, *radius),
-            Self::Capsule { a, b, radius } => SignedDistance::from_ball(from_segment(point, *a, *b), *radius),
+            Self::Capsule { a, b, radius } => {
+                SignedDistance::from_ball(from_segment(point, *a, *b), *radius)
+            }
             Self::Cuboid { world_from_box, half_extents } => {
                 let local = world_from_box.inverse_transform_point(point);
                 let (distance, normal) = out_of_corner(local.abs() - *half_extents);
@@ -52,26 +54,36 @@ impl Primitive {
             Self::Cylinder { world_from_cylinder, radius, half_length } => {
                 let local = world_from_cylinder.inverse_transform_point(point);
                 let side = SignedDistance::from_ball(Vec3::new(local.x, local.y, 0.0), *radius);
-                let (distance, normal) = out_of_corner(Vec3::new(side.distance, local.z.abs() - half_length, f32::NEG_INFINITY));
+                let (distance, normal) = out_of_corner(Vec3::new(
+                    side.distance,
+                    local.z.abs() - half_length,
+                    f32::NEG_INFINITY,
+                ));
                 let normal = normal.x * level(side.normal) + normal.y * sign(local.z) * Vec3::Z;
                 SignedDistance { distance, normal: world_from_cylinder.rotation * normal }
             }
             Self::Hull { faces } => {
                 let nowhere = SignedDistance { distance: f32::INFINITY, normal: Vec3::Z };
-                let from_faces = faces
-                    .iter()
-                    .map(|face| SignedDistance { distance: face.normal.dot(point) - face.offset, normal: face.normal });
+                let from_faces = faces.iter().map(|face| SignedDistance {
+                    distance: face.normal.dot(point) - face.offset,
+                    normal: face.normal,
+                });
                 from_faces.max_by(|a, b| a.distance.total_cmp(&b.distance)).unwrap_or(nowhere)
             }
         }
     }
 }
 
-/// Signed distance and unit direction from the region in which no coordinate of `beyond` is positive.
+/// Signed distance and unit direction from the region in which no coordinate of `beyond` is
+/// positive.
 fn out_of_corner(beyond: Vec3) -> (f32, Vec3) {
     let outside = beyond.max(Vec3::ZERO);
     let distance = length(outside);
-    if distance > 0.0 { (distance, outside / distance) } else { (beyond.max_element(), Vec3::AXES[beyond.max_position()]) }
+    if distance > 0.0 {
+        (distance, outside / distance)
+    } else {
+        (beyond.max_element(), Vec3::AXES[beyond.max_position()])
+    }
 }
 
 const fn sign(value: f32) -> f32 {
@@ -97,12 +109,14 @@ mod tests {
     }
 
     fn pose() -> impl Strategy<Value = Pose3> {
-        (vec3(-0.3..0.3), vec3(-3.0..3.0)).prop_map(|(at, turn)| Pose3::from_parts(at, Quat::from_scaled_axis(turn)))
+        (vec3(-0.3..0.3), vec3(-3.0..3.0))
+            .prop_map(|(at, turn)| Pose3::from_parts(at, Quat::from_scaled_axis(turn)))
     }
 
     fn shapes(sizes: Vec3) -> Vec<Shape> {
         let Vec3 { x: radius, z: half_length, .. } = sizes;
-        let corners = (0..8_u8).map(|i| sizes * Vec3::new(sign_of(i, 1), sign_of(i, 2), sign_of(i, 4)));
+        let corners =
+            (0..8_u8).map(|i| sizes * Vec3::new(sign_of(i, 1), sign_of(i, 2), sign_of(i, 4)));
         vec![
             Shape::Sphere { radius },
             Shape::Cuboid { half_extents: sizes },
@@ -163,7 +177,10 @@ mod tests {
     fn in_the_middle_of_a_solid_some_way_leads_out() {
         for shape in shapes(Vec3::new(0.3, 0.2, 0.1)) {
             let middle = Primitive::new(&shape, &Pose3::IDENTITY).signed_distance(Vec3::ZERO);
-            assert!(middle.distance < -0.05 && (length(middle.normal) - 1.0).abs() < 1e-6, "{shape:?}: {middle:?}");
+            assert!(
+                middle.distance < -0.05 && (length(middle.normal) - 1.0).abs() < 1e-6,
+                "{shape:?}: {middle:?}"
+            );
         }
     }
 }

@@ -103,23 +103,39 @@ impl Solids {
     fn push(&mut self, primitive: Primitive) {
         /// Rounding of coordinates up to ten metres.
         const MARGIN: f32 = 1e-5;
-        let tag = Tag { primitive: self.primitives.len(), nearest: primitive.distance(Vec3::ZERO) - MARGIN, allowed: 0 };
+        let tag = Tag {
+            primitive: self.primitives.len(),
+            nearest: primitive.distance(Vec3::ZERO) - MARGIN,
+            allowed: 0,
+        };
         match &primitive {
             _ if !primitive.is_sound() => self.fill_space(),
-            Primitive::Sphere { center, radius } => self.balls.push(Ball { tag, center: *center, radius: *radius }),
-            Primitive::Cuboid { world_from_box, half_extents } => self.push_box(tag, world_from_box, *half_extents),
+            Primitive::Sphere { center, radius } => {
+                self.balls.push(Ball { tag, center: *center, radius: *radius })
+            }
+            Primitive::Cuboid { world_from_box, half_extents } => {
+                self.push_box(tag, world_from_box, *half_extents)
+            }
             Primitive::Capsule { a, b, radius } => {
                 let axis = *b - *a;
                 let inverse_squared_length = 1.0 / axis.dot(axis).max(f32::MIN_POSITIVE);
-                self.capsules.push(CapsuleAxis { tag, a: *a, axis, inverse_squared_length, radius: *radius });
+                self.capsules.push(CapsuleAxis {
+                    tag,
+                    a: *a,
+                    axis,
+                    inverse_squared_length,
+                    radius: *radius,
+                });
             }
-            Primitive::Cylinder { world_from_cylinder, radius, half_length } => self.cylinders.push(OrientedCylinder {
-                tag,
-                center: world_from_cylinder.translation,
-                axes: axes(world_from_cylinder.rotation),
-                radius: *radius,
-                half_length: *half_length,
-            }),
+            Primitive::Cylinder { world_from_cylinder, radius, half_length } => {
+                self.cylinders.push(OrientedCylinder {
+                    tag,
+                    center: world_from_cylinder.translation,
+                    axes: axes(world_from_cylinder.rotation),
+                    radius: *radius,
+                    half_length: *half_length,
+                })
+            }
             Primitive::Hull { faces } => self.hulls.push(HullFaces { tag, faces: faces.clone() }),
         }
         self.primitives.push(primitive);
@@ -161,14 +177,25 @@ impl Solids {
 
     /// The solids that the link of `bit` must not touch.
     pub(super) fn forbidden(&self, bit: u32) -> impl Iterator<Item = &Primitive> {
-        self.primitives.iter().zip(&self.allowed).filter(move |(_, allowed)| *allowed & bit == 0).map(|(solid, _)| solid)
+        self.primitives
+            .iter()
+            .zip(&self.allowed)
+            .filter(move |(_, allowed)| *allowed & bit == 0)
+            .map(|(solid, _)| solid)
     }
 
-    /// Whether in any lane a solid meets a sphere of `link`, whose bounding sphere has its centre at `bound`.
+    /// Whether in any lane a solid meets a sphere of `link`, whose bounding sphere has its centre
+    /// at `bound`.
     ///
     /// `bit` is the link's; solids that it may touch are passed over.
     #[inline(always)]
-    pub(super) fn meet<S: Simd>(&self, bit: u32, link: &LinkSpheres, frame: &Frames<S>, bound: Vec3s<S>) -> bool {
+    pub(super) fn meet<S: Simd>(
+        &self,
+        bit: u32,
+        link: &LinkSpheres,
+        frame: &Frames<S>,
+        bound: Vec3s<S>,
+    ) -> bool {
         let radius = link.bound.radius;
         let furthest = bound.length_squared().reduce_max();
         macro_rules! meet {
@@ -180,7 +207,9 @@ impl Solids {
                     }
                     if solid.tag.allowed & bit == 0 && solid.touches(bound, radius) {
                         for cluster in &link.clusters {
-                            if solid.touches(frame.point(cluster.bound.center), cluster.bound.radius) {
+                            if solid
+                                .touches(frame.point(cluster.bound.center), cluster.bound.radius)
+                            {
                                 for sphere in &cluster.spheres {
                                     if solid.touches(frame.point(sphere.center), sphere.radius) {
                                         return true;
@@ -214,7 +243,11 @@ impl UprightBox {
     #[inline(always)]
     fn touches<S: Simd>(&self, center: Vec3s<S>, radius: f32) -> bool {
         let offset = center.minus(self.center);
-        let local = [offset.x * self.cos + offset.y * self.sin, offset.y * self.cos - offset.x * self.sin, offset.z];
+        let local = [
+            offset.x * self.cos + offset.y * self.sin,
+            offset.y * self.cos - offset.x * self.sin,
+            offset.z,
+        ];
         is_within(squared_gap(local, self.half_extents), radius)
     }
 }
@@ -233,7 +266,8 @@ impl CapsuleAxis {
     fn touches<S: Simd>(&self, center: Vec3s<S>, radius: f32) -> bool {
         let offset = center.minus(self.a);
         let along = (offset.dot(self.axis) * self.inverse_squared_length).max(0.0).min(1.0);
-        let nearest = Vec3s { x: along * self.axis.x, y: along * self.axis.y, z: along * self.axis.z };
+        let nearest =
+            Vec3s { x: along * self.axis.x, y: along * self.axis.y, z: along * self.axis.z };
         is_within(offset.sub(nearest).length_squared(), radius + self.radius)
     }
 }
@@ -242,7 +276,8 @@ impl OrientedCylinder {
     #[inline(always)]
     fn touches<S: Simd>(&self, center: Vec3s<S>, radius: f32) -> bool {
         let offset = center.minus(self.center);
-        let (x, y, z) = (offset.dot(self.axes[0]), offset.dot(self.axes[1]), offset.dot(self.axes[2]));
+        let (x, y, z) =
+            (offset.dot(self.axes[0]), offset.dot(self.axes[1]), offset.dot(self.axes[2]));
         let radial = ((x * x + y * y).sqrt() - self.radius).max(0.0);
         let axial = (z.abs() - self.half_length).max(0.0);
         is_within(radial * radial + axial * axial, radius)
@@ -269,7 +304,8 @@ fn is_within<F: SimdFloat<S, Element = f32>, S: Simd>(squared_distance: F, reach
 /// Squared distance of a point in a box's own axes from the box.
 #[inline(always)]
 fn squared_gap<F: SimdFloat<S, Element = f32>, S: Simd>([x, y, z]: [F; 3], half: Vec3) -> F {
-    let (x, y, z) = ((x.abs() - half.x).max(0.0), (y.abs() - half.y).max(0.0), (z.abs() - half.z).max(0.0));
+    let (x, y, z) =
+        ((x.abs() - half.x).max(0.0), (y.abs() - half.y).max(0.0), (z.abs() - half.z).max(0.0));
     x * x + y * y + z * z
 }
 

@@ -1,4 +1,5 @@
-//! An arm for tests: the Panda's kinematics with balls along straight sticks, so that no test hangs on the real arms' geometry.
+//! An arm for tests: the Panda's kinematics with balls along straight sticks, so that no test hangs
+//! on the real arms' geometry.
 
 use crate::robot::{HAND, Joint, N_LINKS, PANDA, Robot, Sphere};
 use glamx::{Pose3, Vec3};
@@ -12,7 +13,8 @@ pub(crate) fn stick_arm() -> Robot {
         HAND => hand(),
         _ => stick(Vec3::ZERO),
     });
-    let near = (0..N_LINKS).flat_map(|a| (a + 1..N_LINKS).filter(move |b| b - a <= 3).map(move |b| (a, b)));
+    let near = (0..N_LINKS)
+        .flat_map(|a| (a + 1..N_LINKS).filter(move |b| b - a <= 3).map(move |b| (a, b)));
     Robot {
         name: "stick",
         joints: PANDA.joints,
@@ -42,14 +44,16 @@ fn stick(end: Vec3) -> &'static [Sphere] {
 /// A bar across the flange's z and two fingers that reach the grip.
 fn hand() -> &'static [Sphere] {
     let grip = Pose3::from(PANDA.flange_from_grip);
-    let bar = [-0.06, -0.03, 0.0, 0.03, 0.06].map(|y| Sphere { center: grip * Vec3::new(0.0, y, -0.06), radius: 0.03 });
+    let bar = [-0.06, -0.03, 0.0, 0.03, 0.06]
+        .map(|y| Sphere { center: grip * Vec3::new(0.0, y, -0.06), radius: 0.03 });
     let fingers = [-0.05, 0.05].into_iter().flat_map(|y| [-0.03, -0.015, 0.0].map(|z| (y, z)));
-    let fingers = fingers.map(|(y, z)| Sphere { center: grip * Vec3::new(0.0, y, z), radius: 0.01 });
+    let fingers =
+        fingers.map(|(y, z)| Sphere { center: grip * Vec3::new(0.0, y, z), radius: 0.01 });
     Vec::leak(bar.into_iter().chain(fingers).collect())
 }
 
-/// Whether any sphere of the arm comes within `margin` (metres, may be negative) of the obstacles or of another link: slow,
-/// over every pair, with the kinematics in f64.
+/// Whether any sphere of the arm comes within `margin` (metres, may be negative) of the obstacles
+/// or of another link: slow, over every pair, with the kinematics in f64.
 pub(crate) fn is_free_by_brute_force(
     robot: &Robot,
     scene: &super::Scene,
@@ -57,11 +61,16 @@ pub(crate) fn is_free_by_brute_force(
     margin: f32,
 ) -> bool {
     let frames = robot.link_frames(config);
-    let of_link = |link: usize| robot.spheres[link].iter().map(move |s| (frames[link] * s.center, s.radius + margin));
+    let of_link = |link: usize| {
+        robot.spheres[link].iter().map(move |s| (frames[link] * s.center, s.radius + margin))
+    };
     let meets_scene = (1..N_LINKS).any(|link| {
         let points = if link == HAND { &scene.hand_points } else { &scene.arm_points };
         of_link(link).any(|(center, radius)| {
-            points.points().iter().any(|point| point.distance(center) < radius + points.point_radius())
+            points
+                .points()
+                .iter()
+                .any(|point| point.distance(center) < radius + points.point_radius())
                 || scene.primitives().any(|primitive| primitive.distance(center) < radius)
         })
     });
@@ -69,7 +78,8 @@ pub(crate) fn is_free_by_brute_force(
     let meets_itself = (0..N_LINKS).any(|a| {
         (a + 1..N_LINKS).filter(|&b| !allowed(a, b)).any(|b| {
             of_link(a).any(|(center_a, radius_a)| {
-                of_link(b).any(|(center_b, radius_b)| center_a.distance(center_b) < radius_a + radius_b)
+                of_link(b)
+                    .any(|(center_b, radius_b)| center_a.distance(center_b) < radius_a + radius_b)
             })
         })
     });

@@ -20,7 +20,11 @@ fn position() -> impl Strategy<Value = Vec3> {
 fn levels() -> Vec<Level> {
     let best = Level::new();
     #[cfg(target_arch = "x86_64")]
-    let narrower = [best.as_sse2().map(Level::Sse2), best.as_sse4_2().map(Level::Sse4_2), best.as_avx2().map(Level::Avx2)];
+    let narrower = [
+        best.as_sse2().map(Level::Sse2),
+        best.as_sse4_2().map(Level::Sse4_2),
+        best.as_avx2().map(Level::Avx2),
+    ];
     #[cfg(not(target_arch = "x86_64"))]
     let narrower: [Option<Level>; 0] = [];
     narrower.into_iter().flatten().chain([best]).collect()
@@ -35,16 +39,29 @@ fn at_level(arm: &ArmSpheres, level: Level) -> ArmSpheres {
 fn check(scene: &Scene, config: &JointConfig) -> Result<(), TestCaseError> {
     let robot = stick_arm();
     let expected = is_free_by_brute_force(&robot, scene, config, 0.0);
-    prop_assume!([-ROUNDING, ROUNDING].iter().all(|&m| is_free_by_brute_force(&robot, scene, config, m) == expected));
+    prop_assume!(
+        [-ROUNDING, ROUNDING]
+            .iter()
+            .all(|&m| is_free_by_brute_force(&robot, scene, config, m) == expected)
+    );
     for level in levels() {
-        prop_assert_eq!(scene.is_free(&at_level(&ArmSpheres::new(&robot), level), config), expected, "{:?}", level);
+        prop_assert_eq!(
+            scene.is_free(&at_level(&ArmSpheres::new(&robot), level), config),
+            expected,
+            "{:?}",
+            level
+        );
     }
     Ok(())
 }
 
-/// A ball that three slides carry along x, y and z, and nothing else: where it is, is known without kinematics.
+/// A ball that three slides carry along x, y and z, and nothing else: where it is, is known without
+/// kinematics.
 fn gantry(radius: f32) -> ArmSpheres {
-    let turns = [DQuat::from_rotation_y(core::f64::consts::FRAC_PI_2), DQuat::from_rotation_x(-core::f64::consts::FRAC_PI_2)];
+    let turns = [
+        DQuat::from_rotation_y(core::f64::consts::FRAC_PI_2),
+        DQuat::from_rotation_x(-core::f64::consts::FRAC_PI_2),
+    ];
     let axes = [turns[0], turns[0].inverse() * turns[1], turns[1].inverse()];
     let slide = |rotation| ChainJoint {
         name: "slide".to_owned(),
@@ -55,7 +72,13 @@ fn gantry(radius: f32) -> ArmSpheres {
         max_velocity: 1.0,
     };
     let spheres = vec![Sphere { center: Vec3::ZERO, radius }];
-    let ball = ChainLink { name: "ball".to_owned(), body: 3, body_from_link: DPose3::IDENTITY, spheres, overshoot: 0.0 };
+    let ball = ChainLink {
+        name: "ball".to_owned(),
+        body: 3,
+        body_from_link: DPose3::IDENTITY,
+        spheres,
+        overshoot: 0.0,
+    };
     let chain = Chain {
         name: "gantry".to_owned(),
         joints: axes.map(slide).to_vec(),
@@ -73,12 +96,20 @@ fn solids(at: &[Vec3], turn: [f32; 3], size: f32) -> Vec<Primitive> {
         Shape::Cuboid { half_extents: Vec3::new(size, 0.05, 0.5 * size) },
         Shape::Cylinder { radius: size, half_length: 0.1 },
         Shape::Capsule { radius: 0.5 * size, half_length: size },
-        Shape::Convex { points: vec![Vec3::ZERO, size * Vec3::X, size * Vec3::Y, 2.0 * size * Vec3::Z] },
+        Shape::Convex {
+            points: vec![Vec3::ZERO, size * Vec3::X, size * Vec3::Y, 2.0 * size * Vec3::Z],
+        },
     ];
-    let mut solids: Vec<Primitive> =
-        shapes.iter().zip(at).map(|(shape, at)| Primitive::new(shape, &Pose3::from_parts(*at, rotation))).collect();
+    let mut solids: Vec<Primitive> = shapes
+        .iter()
+        .zip(at)
+        .map(|(shape, at)| Primitive::new(shape, &Pose3::from_parts(*at, rotation)))
+        .collect();
     let upright = Pose3::from_parts(at[5], Quat::from_rotation_z(turn[2]));
-    solids.push(Primitive::new(&Shape::Cuboid { half_extents: Vec3::new(0.05, size, 0.1) }, &upright));
+    solids.push(Primitive::new(
+        &Shape::Cuboid { half_extents: Vec3::new(0.05, size, 0.1) },
+        &upright,
+    ));
     solids
 }
 
@@ -119,7 +150,8 @@ proptest! {
         }
     }
 
-    /// Whole motions, near obstacles, so that many are decided by little: no width may decide otherwise than another.
+    /// Whole motions, near obstacles, so that many are decided by little: no width may decide
+    /// otherwise than another.
     #[test]
     fn every_width_decides_alike(
         a in config(),
@@ -176,7 +208,10 @@ fn a_held_object_is_part_of_the_hand_and_may_touch_the_links_that_are_named() {
     assert!(!scene.is_free(&holding, &robot.start), "the object is in the post");
     let in_fingers = |touching: &[&str]| arm.with_attached(&[ball(0.0)], touching).unwrap();
     assert!(Scene::empty().is_free(&in_fingers(&["hand"]), &robot.start));
-    assert!(!Scene::empty().is_free(&in_fingers(&[]), &robot.start), "the object is between the fingers");
+    assert!(
+        !Scene::empty().is_free(&in_fingers(&[]), &robot.start),
+        "the object is between the fingers"
+    );
     assert!(arm.with_attached(&[ball(0.0)], &["hnd"]).unwrap_err().to_string().contains("hnd"));
     assert!(arm.with_attached(&[ball(f32::NAN)], &[]).is_err());
 }
@@ -210,8 +245,12 @@ fn planners_that_optimise_do_not_shy_away_from_a_contact_that_is_allowed() {
     let arm = ArmSpheres::new(&robot);
     let ball = Primitive::Sphere { center: robot.grip(&robot.start).translation, radius: 0.06 };
     let mut scene = Scene::from_primitives(vec![ball]);
-    let deepest =
-        |scene: &Scene| scene.proximities(&arm, &robot.start, REACH).iter().fold(REACH, |least, near| near.distance.min(least));
+    let deepest = |scene: &Scene| {
+        scene
+            .proximities(&arm, &robot.start, REACH)
+            .iter()
+            .fold(REACH, |least, near| near.distance.min(least))
+    };
     assert!(deepest(&scene) < 0.0);
     scene.allow_contact(&arm, "hand", 0).unwrap();
     assert!(deepest(&scene) > 0.0);
@@ -221,20 +260,29 @@ fn planners_that_optimise_do_not_shy_away_from_a_contact_that_is_allowed() {
 fn an_obstacle_of_which_nobody_knows_where_it_is_leaves_nothing_free() {
     let (robot, far) = (stick_arm(), 5.0 * Vec3::X);
     let arm = ArmSpheres::new(&robot);
-    let is_free = |primitive: Primitive| Scene::from_primitives(vec![primitive]).is_free(&arm, &robot.start);
+    let is_free =
+        |primitive: Primitive| Scene::from_primitives(vec![primitive]).is_free(&arm, &robot.start);
     let nowhere = Pose3::from_translation(Vec3::new(5.0, f32::NAN, 0.0));
     assert!(is_free(Primitive::Sphere { center: far, radius: 0.1 }));
     assert!(!is_free(Primitive::Sphere { center: far, radius: f32::NAN }));
     assert!(!is_free(Primitive::Sphere { center: far, radius: -0.1 }));
     assert!(!is_free(Primitive::Capsule { a: far, b: Vec3::new(5.0, f32::NAN, 0.0), radius: 0.1 }));
-    assert!(!is_free(Primitive::Cuboid { world_from_box: nowhere, half_extents: Vec3::splat(0.1) }));
-    assert!(!is_free(Primitive::Cylinder { world_from_cylinder: nowhere, radius: 0.1, half_length: 0.1 }));
+    assert!(!is_free(Primitive::Cuboid {
+        world_from_box: nowhere,
+        half_extents: Vec3::splat(0.1)
+    }));
+    assert!(!is_free(Primitive::Cylinder {
+        world_from_cylinder: nowhere,
+        radius: 0.1,
+        half_length: 0.1
+    }));
     for radius in [f32::NAN, f32::INFINITY, -0.1] {
         assert!(!Scene::from_points(&[far], radius).is_free(&arm, &robot.start), "{radius}");
     }
     // What comes later does not make it free again.
     let broken = Primitive::Sphere { center: Vec3::NAN, radius: 0.1 };
-    let scene = Scene::from_primitives(vec![broken, Primitive::Sphere { center: far, radius: 0.1 }]);
+    let scene =
+        Scene::from_primitives(vec![broken, Primitive::Sphere { center: far, radius: 0.1 }]);
     assert!(!scene.with_points(&[far], 0.01).is_free(&arm, &robot.start));
 }
 
@@ -263,11 +311,16 @@ fn a_million_points_make_a_scene_that_answers() {
     // A wall of a thousand by a thousand points, 1 mm apart.
     let wall = |x: f32| -> Vec<Vec3> {
         let along = |n: u16| 0.001 * (f32::from(n) - 500.0);
-        (0..1000).flat_map(|y| (0..1000).map(move |z| Vec3::new(x, along(y), 0.6 + along(z)))).collect()
+        (0..1000)
+            .flat_map(|y| (0..1000).map(move |z| Vec3::new(x, along(y), 0.6 + along(z))))
+            .collect()
     };
     let far = Scene::from_points(&wall(grip.x + 0.5), 0.001);
     assert_eq!(far.arm_points().points().len(), 1_000_000);
     assert!(far.is_free(&arm, &robot.start));
     assert!(!Scene::from_points(&wall(grip.x), 0.001).is_free(&arm, &robot.start));
-    assert_eq!(far.proximities(&arm, &robot.start, 0.6).iter().filter(|near| near.distance <= 0.0).count(), 0);
+    assert_eq!(
+        far.proximities(&arm, &robot.start, 0.6).iter().filter(|near| near.distance <= 0.0).count(),
+        0
+    );
 }

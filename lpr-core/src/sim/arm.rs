@@ -19,7 +19,11 @@ pub(super) fn link_parts(robot: &Robot, frame: usize) -> Vec<Part> {
 fn capsule_part(capsule: &Capsule, rgb: [u8; 3]) -> Part {
     let axis = capsule.b - capsule.a;
     let length = axis.length();
-    let rotation = if length > 1e-6 { Quat::from_rotation_arc(Vec3::Z, axis / length) } else { Quat::IDENTITY };
+    let rotation = if length > 1e-6 {
+        Quat::from_rotation_arc(Vec3::Z, axis / length)
+    } else {
+        Quat::IDENTITY
+    };
     let shape = Shape::Capsule { radius: capsule.radius, half_length: 0.5 * length };
     Part::new(shape, Pose3::from_parts(0.5 * (capsule.a + capsule.b), rotation), rgb)
 }

@@ -1,4 +1,5 @@
-//! What ends an episode: the arm inside a fixed body, or pressed against something harder than a real arm would.
+//! What ends an episode: the arm inside a fixed body, or pressed against something harder than a
+//! real arm would.
 
 use super::physics::Physics;
 use super::scene_spec::{BodyKind, SceneSpec};
@@ -37,7 +38,10 @@ impl World {
         for (idx, body) in self.robot_bodies() {
             let force = self.contact_force(body);
             if force > self.params.abort_force {
-                return Err(InvalidAction::Force { link: Self::robot_body_name(idx), newtons: force });
+                return Err(InvalidAction::Force {
+                    link: Self::robot_body_name(idx),
+                    newtons: force,
+                });
             }
         }
         Ok(())
@@ -45,15 +49,21 @@ impl World {
 
     /// No link may be inside a fixed body: rapier lets kinematic bodies pass through them.
     ///
-    /// `poses` are those of links and fingers, in the order of [`World::robot_items`]: physics leaves some links where they were
-    /// (see `near`).
-    pub(super) fn check_penetration(&self, poses: &[Pose3; N_LINKS + 2]) -> Result<(), InvalidAction> {
+    /// `poses` are those of links and fingers, in the order of [`World::robot_items`]: physics
+    /// leaves some links where they were (see `near`).
+    pub(super) fn check_penetration(
+        &self,
+        poses: &[Pose3; N_LINKS + 2],
+    ) -> Result<(), InvalidAction> {
         for (idx, link) in self.robot_bodies() {
             for collider in self.physics.colliders_of(link) {
                 let collider = &self.physics.colliders[*collider];
                 let local = collider.position_wrt_parent().copied().unwrap_or_default();
                 if let Some(body) = self.penetrated_by(collider.shape(), &(poses[idx] * local)) {
-                    return Err(InvalidAction::Collision { link: Self::robot_body_name(idx), body });
+                    return Err(InvalidAction::Collision {
+                        link: Self::robot_body_name(idx),
+                        body,
+                    });
                 }
             }
         }
@@ -79,15 +89,25 @@ impl World {
 pub(super) struct FixedPart {
     body: usize,
     collider: ColliderHandle,
-    /// In the world. Kept, since it never changes, and since that of a cylinder or a hull costs more than all else here.
+    /// In the world. Kept, since it never changes, and since that of a cylinder or a hull costs
+    /// more than all else here.
     aabb: Aabb,
 }
 
 /// Colliders of the fixed bodies of a scene, in their order.
-pub(super) fn fixed_parts(spec: &SceneSpec, physics: &Physics, bodies: &[RigidBodyHandle]) -> Vec<FixedPart> {
-    let fixed = bodies.iter().enumerate().filter(|(body, _)| spec.bodies[*body].kind == BodyKind::Fixed);
+pub(super) fn fixed_parts(
+    spec: &SceneSpec,
+    physics: &Physics,
+    bodies: &[RigidBodyHandle],
+) -> Vec<FixedPart> {
+    let fixed =
+        bodies.iter().enumerate().filter(|(body, _)| spec.bodies[*body].kind == BodyKind::Fixed);
     let parts = |(body, handle): (usize, &RigidBodyHandle)| {
-        let part = move |collider| FixedPart { body, collider, aabb: physics.colliders[collider].compute_aabb() };
+        let part = move |collider| FixedPart {
+            body,
+            collider,
+            aabb: physics.colliders[collider].compute_aabb(),
+        };
         physics.colliders_of(*handle).iter().copied().map(part)
     };
     fixed.flat_map(parts).collect()

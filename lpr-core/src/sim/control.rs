@@ -1,4 +1,5 @@
-//! Control steps: the arm goes to a joint target within 50 ms, for agents that act at 20 Hz instead of by whole paths.
+//! Control steps: the arm goes to a joint target within 50 ms, for agents that act at 20 Hz instead
+//! of by whole paths.
 
 use super::env::SimEnvironment;
 use crate::env::{InvalidAction, StepResult};
@@ -6,7 +7,8 @@ use crate::robot::{Gripper, JointConfig};
 
 /// An arm that is to move less than this stands still, radians in every joint.
 const STILL: f32 = 1e-6;
-/// What the velocity limit allows beyond itself: far more than rounding, and less than what stops a physics step half-way.
+/// What the velocity limit allows beyond itself: far more than rounding, and less than what stops a
+/// physics step half-way.
 const SPEED_SLACK: f32 = 1.001;
 
 /// What an agent does in one control step.
@@ -19,12 +21,14 @@ pub struct ControlAction {
 }
 
 impl SimEnvironment {
-    /// One control step ([`SimParams::control_dt`](super::SimParams::control_dt)): the arm moves to the target in a straight line
-    /// of joint space at constant speed, while the gripper does what it is told.
+    /// One control step ([`SimParams::control_dt`](super::SimParams::control_dt)): the arm moves to
+    /// the target in a straight line of joint space at constant speed, while the gripper does what
+    /// it is told.
     ///
-    /// A target that is no configuration of the arm or too far away for the joints' velocity limits ends the episode
-    /// (`invalid`) before anything has moved: the next step may start from there. Control steps are no macro actions: they neither
-    /// count as such nor truncate the episode. The reward is that of [`Environment::step`](crate::env::Environment::step).
+    /// A target that is no configuration of the arm or too far away for the joints' velocity limits
+    /// ends the episode (`invalid`) before anything has moved: the next step may start from there.
+    /// Control steps are no macro actions: they neither count as such nor truncate the episode. The
+    /// reward is that of [`Environment::step`](crate::env::Environment::step).
     ///
     /// ```
     /// use lpr_core::robot::{Gripper, XARM7};
@@ -65,7 +69,9 @@ impl SimEnvironment {
             let most = world.robot().joints[*j].max_velocity * SPEED_SLACK * seconds;
             (target[*j] - world.config()[*j]).abs() > most
         };
-        (0..target.len()).find(too_fast).map_or(Ok(()), |joint| Err(InvalidAction::JointSpeed { joint }))
+        (0..target.len())
+            .find(too_fast)
+            .map_or(Ok(()), |joint| Err(InvalidAction::JointSpeed { joint }))
     }
 
     fn go_to(&mut self, action: &ControlAction) -> Result<(), InvalidAction> {
@@ -75,9 +81,11 @@ impl SimEnvironment {
         let stands = target.max_joint_distance(&start) < STILL;
         for i in 1..=steps {
             // Exactly the target at the end.
-            let config = if i == steps { *target } else { start.lerp(target, i as f32 / steps as f32) };
+            let config =
+                if i == steps { *target } else { start.lerp(target, i as f32 / steps as f32) };
             match self.world.step(&config) {
-                // As in a macro action: fingers of an arm that stands still press with what their motor gives, at first more.
+                // As in a macro action: fingers of an arm that stands still press with what their
+                // motor gives, at first more.
                 Err(InvalidAction::Force { .. }) if stands => {}
                 moved => moved?,
             }

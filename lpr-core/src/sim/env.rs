@@ -20,7 +20,8 @@ use std::sync::Arc;
 
 /// Physics steps for the scene to settle after a reset.
 const SETTLE_STEPS: usize = 10;
-/// Longest time a gripper command may take, seconds: fingers that meet an object off their middle push it along slowly.
+/// Longest time a gripper command may take, seconds: fingers that meet an object off their middle
+/// push it along slowly.
 const GRIPPER_TIMEOUT_SECS: f32 = 5.0;
 /// Longest motion, seconds: a path of many turns would run for hours.
 const MOTION_TIMEOUT_SECS: f64 = 120.0;
@@ -88,7 +89,8 @@ impl SimEnvironment {
         Ok(Self { variation, ..Self::of(task, robot, placed, cameras, params)? })
     }
 
-    /// The scene of an episode that was recorded: `spec` as it was placed, without cameras and without a demonstrator.
+    /// The scene of an episode that was recorded: `spec` as it was placed, without cameras and
+    /// without a demonstrator.
     ///
     /// # Errors
     ///
@@ -97,7 +99,12 @@ impl SimEnvironment {
         spec.check()?;
         let task = Task::by_name(&spec.task)?;
         let scene = TaskScene { spec, waypoints: Vec::new() };
-        let placed = PlacedTask { scene, frame: Pose3::IDENTITY, plan: DemoPlan::none(), rejected: Rejected::default() };
+        let placed = PlacedTask {
+            scene,
+            frame: Pose3::IDENTITY,
+            plan: DemoPlan::none(),
+            rejected: Rejected::default(),
+        };
         Self::of(task, robot, placed, &[], params)
     }
 
@@ -160,14 +167,16 @@ impl SimEnvironment {
         &self.plan
     }
 
-    /// This episode with a demonstrator that goes to `goals`, one for each of its waypoints; `None` when the arm cannot do that.
+    /// This episode with a demonstrator that goes to `goals`, one for each of its waypoints; `None`
+    /// when the arm cannot do that.
     #[must_use]
     pub fn with_goals(&self, goals: &[NextBestPose], rng: &mut Rng) -> Option<Self> {
         let plan = self.plan.with_goals(self.robot, &self.robot.start, goals, rng)?;
         Some(Self { plan: Arc::new(plan), ..self.clone() })
     }
 
-    /// This episode in a world where friction alone holds what the hand closes on; nothing is attached to it.
+    /// This episode in a world where friction alone holds what the hand closes on; nothing is
+    /// attached to it.
     ///
     /// # Errors
     ///
@@ -177,7 +186,8 @@ impl SimEnvironment {
         for body in spec.bodies.iter_mut().filter(|body| body.kind == BodyKind::Graspable) {
             body.kind = BodyKind::Dynamic;
         }
-        let world = settled(World::new(Arc::new(spec), self.robot, self.robot.start, &self.params)?);
+        let world =
+            settled(World::new(Arc::new(spec), self.robot, self.robot.start, &self.params)?);
         Ok(Self { world, step: 0, ..self.clone() })
     }
 
@@ -199,18 +209,30 @@ impl SimEnvironment {
         Self { world, step, ..self.clone() }
     }
 
-    /// What the cameras see of the scene as obstacles, with the contact rule for `goal` (`world_from_grip`).
+    /// What the cameras see of the scene as obstacles, with the contact rule for `goal`
+    /// (`world_from_grip`).
     #[must_use]
     pub fn obstacles(&mut self, goal: Option<&Pose3>) -> Scene {
         let observation = self.observe();
         let points: Vec<Vec3> = observation.colored_points().map(|(point, _)| point).collect();
-        let holding = if self.world.holding() == Holding::Nothing { scene::Holding::Nothing } else { scene::Holding::Object };
-        let query = ObstacleQuery { robot: self.robot, measured: self.world.config(), goal, holding };
+        let holding = if self.world.holding() == Holding::Nothing {
+            scene::Holding::Nothing
+        } else {
+            scene::Holding::Object
+        };
+        let query =
+            ObstacleQuery { robot: self.robot, measured: self.world.config(), goal, holding };
         obstacle_scene(&query, &points)
     }
 
-    /// As [`Environment::step`], calling `record` after every control step and after the gripper's command.
-    pub fn step_recorded(&mut self, path: &JointPath, gripper: Gripper, record: impl FnMut(&World)) -> StepResult {
+    /// As [`Environment::step`], calling `record` after every control step and after the gripper's
+    /// command.
+    pub fn step_recorded(
+        &mut self,
+        path: &JointPath,
+        gripper: Gripper,
+        record: impl FnMut(&World),
+    ) -> StepResult {
         self.step_until(Until::Success, path, gripper, record)
     }
 
@@ -248,7 +270,8 @@ impl SimEnvironment {
         if !path.configs().iter().all(|config| self.robot.within_limits(config)) {
             return Err(InvalidAction::OutsideLimits);
         }
-        let timed = TimedPath::new(path.clone(), self.robot, &self.timing).expect("the environment's timing is positive");
+        let timed = TimedPath::new(path.clone(), self.robot, &self.timing)
+            .expect("the environment's timing is positive");
         if timed.duration_secs() > MOTION_TIMEOUT_SECS {
             return Err(InvalidAction::TooLong { seconds: timed.duration_secs() as f32 });
         }
@@ -271,7 +294,10 @@ impl SimEnvironment {
 
     /// The arm moves to `config` within one control step.
     #[cfg(feature = "learn")]
-    pub(super) fn move_straight(&mut self, config: &crate::robot::JointConfig) -> Result<(), InvalidAction> {
+    pub(super) fn move_straight(
+        &mut self,
+        config: &crate::robot::JointConfig,
+    ) -> Result<(), InvalidAction> {
         let (start, steps) = (*self.world.config(), self.params.steps_per_control());
         (1..=steps).try_for_each(|i| self.world.step(&start.lerp(config, i as f32 / steps as f32)))
     }
@@ -282,7 +308,8 @@ impl SimEnvironment {
         let most = (GRIPPER_TIMEOUT_SECS / self.params.dt) as usize;
         for i in 0..most {
             match self.world.step(&config) {
-                // The arm stands still: its fingers press with what the gripper's motor gives, which overshoots at first.
+                // The arm stands still: its fingers press with what the gripper's motor gives,
+                // which overshoots at first.
                 Ok(()) | Err(InvalidAction::Force { .. }) => {}
                 Err(invalid) => return Err(invalid),
             }
@@ -313,7 +340,8 @@ impl Environment for SimEnvironment {
         let timing = self.timing.clone();
         let sensing = self.sensing().cloned();
         let Self { task, variation, robot, ref cameras, ref params, .. } = *self;
-        *self = Self { timing, ..Self::of_variation(task, variation, robot, seed, cameras, params)? };
+        *self =
+            Self { timing, ..Self::of_variation(task, variation, robot, seed, cameras, params)? };
         if let Some(sensing) = sensing {
             self.set_sensing(sensing, seed);
         }

@@ -1,9 +1,11 @@
-//! Bodies that fall off the table: they come to rest below it instead of falling, and costing time, for ever.
+//! Bodies that fall off the table: they come to rest below it instead of falling, and costing time,
+//! for ever.
 
 use super::world::World;
 use rapier3d::prelude::RigidBodyHandle;
 
-/// Below this a body rests where it is and touches nothing any more, world z in metres: deeper than any task looks.
+/// Below this a body rests where it is and touches nothing any more, world z in metres: deeper than
+/// any task looks.
 const REST_Z: f32 = -1.0;
 
 impl World {

@@ -1,17 +1,19 @@
-//! Can any candidate do it? Every candidate of a keyframe, executed from a snapshot, without learning.
+//! Can any candidate do it? Every candidate of a keyframe, executed from a snapshot, without
+//! learning.
 
 use super::demonstrator::demonstrate;
 use super::env::SimEnvironment;
 use super::world::Holding;
 use crate::env::{Environment as _, StepResult};
 use crate::path::{
-    CandidatePath, CandidateSet, CandidateSettings, CandidateStreams, PathQuery, Source, candidates, linear_candidate,
-    map_in_order,
+    CandidatePath, CandidateSet, CandidateSettings, CandidateStreams, PathQuery, Source,
+    candidates, linear_candidate, map_in_order,
 };
 use crate::q_attention::NextBestPose;
 use crate::rng::{Stream, stream};
 
-/// How far from where the demonstrator leaves it a joint may be left before the last keyframe, as a share of its range.
+/// How far from where the demonstrator leaves it a joint may be left before the last keyframe, as a
+/// share of its range.
 const JOINT_TOLERANCE: f32 = 0.1;
 
 /// A snapshot in which the demonstrator's next keyframe is `goal`.
@@ -29,7 +31,8 @@ pub struct KeyframeSnapshot {
     pub joints: Vec<f32>,
 }
 
-/// The snapshots of a demonstration in `env`, which has just been reset; `None` when the demonstration fails.
+/// The snapshots of a demonstration in `env`, which has just been reset; `None` when the
+/// demonstration fails.
 #[must_use]
 pub fn keyframe_snapshots(env: &SimEnvironment, seed: u64) -> Option<Vec<KeyframeSnapshot>> {
     let mut worker = env.clone();
@@ -59,8 +62,8 @@ pub struct Trial {
     pub source: Source,
     /// What the environment said.
     pub result: StepResult,
-    /// Whether it did what the demonstrator did: the task at the last keyframe, else the same grasp with the scene's joints as far
-    /// moved, without an invalid action.
+    /// Whether it did what the demonstrator did: the task at the last keyframe, else the same grasp
+    /// with the scene's joints as far moved, without an invalid action.
     pub success: bool,
 }
 
@@ -78,13 +81,21 @@ pub struct KeyframeTrials {
 impl KeyframeSnapshot {
     /// The candidates that an agent without a path policy would rank here.
     #[must_use]
-    pub fn candidates(&self, settings: &CandidateSettings, streams: CandidateStreams) -> CandidateSet {
+    pub fn candidates(
+        &self,
+        settings: &CandidateSettings,
+        streams: CandidateStreams,
+    ) -> CandidateSet {
         self.ask(|query| candidates(query, settings, streams))
     }
 
     /// Executes every candidate from this snapshot.
     #[must_use]
-    pub fn execute_all(&self, settings: &CandidateSettings, streams: CandidateStreams) -> KeyframeTrials {
+    pub fn execute_all(
+        &self,
+        settings: &CandidateSettings,
+        streams: CandidateStreams,
+    ) -> KeyframeTrials {
         let set = self.candidates(settings, streams);
         KeyframeTrials { trials: self.trials(&set), linear: self.linear_trial(settings), set }
     }
@@ -95,10 +106,13 @@ impl KeyframeSnapshot {
         map_in_order(set.candidates.len(), |idx| self.execute(&set.candidates[idx]))
     }
 
-    /// Executes the straight line of the grip from this snapshot; `None` when the arm cannot follow it.
+    /// Executes the straight line of the grip from this snapshot; `None` when the arm cannot follow
+    /// it.
     #[must_use]
     pub fn linear_trial(&self, settings: &CandidateSettings) -> Option<Trial> {
-        self.ask(|query| linear_candidate(query, settings)).ok().map(|candidate| self.execute(&candidate))
+        self.ask(|query| linear_candidate(query, settings))
+            .ok()
+            .map(|candidate| self.execute(&candidate))
     }
 
     /// What `answer` makes of the goal and what the cameras see now.
@@ -106,7 +120,13 @@ impl KeyframeSnapshot {
         let mut env = self.env.clone();
         let scene = env.obstacles(Some(&self.goal.pose));
         let start = *env.world().config();
-        answer(&PathQuery { robot: env.robot(), start, goal: self.goal.pose, scene: &scene, policy_path: None })
+        answer(&PathQuery {
+            robot: env.robot(),
+            start,
+            goal: self.goal.pose,
+            scene: &scene,
+            policy_path: None,
+        })
     }
 
     fn execute(&self, candidate: &CandidatePath) -> Trial {

@@ -1,6 +1,7 @@
 //! What the physics settings have to hold: grasps by friction alone, a stack, a drawer and a lid.
 //!
-//! rapier's defaults missed such bounds by centimetres in the prototype that the settings come from.
+//! rapier's defaults missed such bounds by centimetres in the prototype that the settings come
+//! from.
 
 use super::scene_spec::{BodyKind, BodySpec, SceneSpec};
 use super::tasks::Task;
@@ -17,18 +18,39 @@ const TIMING: TimingSettings = TimingSettings { max_velocity: 1.0, max_accelerat
 
 fn body(name: &str, kind: BodyKind, position: Vec3, half_extents: Vec3, mass: f32) -> BodySpec {
     let parts = vec![Part::new(Shape::Cuboid { half_extents }, Pose3::IDENTITY, [180; 3])];
-    BodySpec { name: name.to_owned(), kind, pose: Pose3::from_translation(position), parts, mass, friction: 0.5 }
+    BodySpec {
+        name: name.to_owned(),
+        kind,
+        pose: Pose3::from_translation(position),
+        parts,
+        mass,
+        friction: 0.5,
+    }
 }
 
 /// Cubes of one size on a table, one above the other, with the arm at `config`.
-fn stacked(n_cubes: usize, side: f32, mass: f32, at: Vec3, robot: &'static Robot, config: JointConfig) -> World {
+fn stacked(
+    n_cubes: usize,
+    side: f32,
+    mass: f32,
+    at: Vec3,
+    robot: &'static Robot,
+    config: JointConfig,
+) -> World {
     let cube = |idx: usize| {
         let center = at + Vec3::Z * side * (idx as f32 + 0.5);
         body(&format!("cube{idx}"), BodyKind::Dynamic, center, Vec3::splat(0.5 * side), mass)
     };
-    let table = body("table", BodyKind::Fixed, Vec3::new(0.45, 0.0, -0.02), Vec3::new(0.75, 0.85, 0.02), 0.0);
+    let table = body(
+        "table",
+        BodyKind::Fixed,
+        Vec3::new(0.45, 0.0, -0.02),
+        Vec3::new(0.75, 0.85, 0.02),
+        0.0,
+    );
     let bodies = (0..n_cubes).map(cube).chain([table]).collect();
-    let spec = SceneSpec { task: "cubes".to_owned(), bodies, joints: Vec::new(), success: Vec::new() };
+    let spec =
+        SceneSpec { task: "cubes".to_owned(), bodies, joints: Vec::new(), success: Vec::new() };
     World::new(Arc::new(spec), robot, config, &SimParams::STANDARD).unwrap()
 }
 
@@ -52,7 +74,8 @@ fn move_to(world: &mut World, goal: &Pose3, mut watch: impl FnMut(&World)) {
     }
 }
 
-/// The greatest motion of a cube in the hand, metres and degrees, while the hand lifts it, swings it about and waits.
+/// The greatest motion of a cube in the hand, metres and degrees, while the hand lifts it, swings
+/// it about and waits.
 fn slip(robot: &'static Robot, side: f32, mass: f32) -> (f32, f32) {
     let at = robot.workspace_center.extend(0.0);
     let down = Quat::from_rotation_x(core::f32::consts::PI);
@@ -88,7 +111,11 @@ fn friction_holds_light_and_small_cubes() {
     for robot in ROBOTS {
         for (side, mass) in [(0.05, 0.1), (0.02, 0.02)] {
             let (shift, turn) = slip(robot, side, mass);
-            assert!(shift < 5e-4 && turn < 1.0, "{} {side} m {mass} kg: {shift} m, {turn} degrees", robot.name);
+            assert!(
+                shift < 5e-4 && turn < 1.0,
+                "{} {side} m {mass} kg: {shift} m, {turn} degrees",
+                robot.name
+            );
         }
     }
 }
@@ -129,7 +156,11 @@ fn a_pulled_drawer_and_a_lifted_lid_follow_the_hand() {
     for robot in ROBOTS {
         for (task, demonstrated) in [("open_drawer", 0.2265), ("open_grill", 57_f32.to_radians())] {
             let moved = moved(task, robot);
-            assert!((moved / demonstrated - 1.0).abs() < 0.05, "{task} with {}: {moved} of {demonstrated}", robot.name);
+            assert!(
+                (moved / demonstrated - 1.0).abs() < 0.05,
+                "{task} with {}: {moved} of {demonstrated}",
+                robot.name
+            );
         }
     }
 }

@@ -1,7 +1,8 @@
-//! The gripper: one width for both fingers, a force stop, and the grasp of free objects by attaching them.
+//! The gripper: one width for both fingers, a force stop, and the grasp of free objects by
+//! attaching them.
 //!
-//! Articulated handles are held by friction and caging; free objects are attached to the hand when both pads touch them, as
-//! `RLBench` does, with their contacts to the robot switched off.
+//! Articulated handles are held by friction and caging; free objects are attached to the hand when
+//! both pads touch them, as `RLBench` does, with their contacts to the robot switched off.
 
 use super::params::SimParams;
 use super::physics::{held_groups, scene_groups};
@@ -23,12 +24,15 @@ const EMPTY_WIDTH: f32 = 0.001;
 
 /// Physics steps by which contact forces lag behind the fingers.
 const FORCE_LEAD_STEPS: f32 = 4.0;
-/// Share of the grip force from which a handle counts as held, and within which of it the force counts as calm.
+/// Share of the grip force from which a handle counts as held, and within which of it the force
+/// counts as calm.
 const FIRM: f32 = 0.8;
-/// Share of the grip force by which the force has to swing to and fro for the regulator to become slower: rapier's contacts are
-/// as much stiffer as bodies are heavier, and what holds a lid's bar would drop a kilogram.
+/// Share of the grip force by which the force has to swing to and fro for the regulator to become
+/// slower: rapier's contacts are as much stiffer as bodies are heavier, and what holds a lid's bar
+/// would drop a kilogram.
 const SWING: f32 = 0.2;
-/// By what the regulator's gain is multiplied when the force swings, and in every other physics step.
+/// By what the regulator's gain is multiplied when the force swings, and in every other physics
+/// step.
 const GAIN_CUT: f32 = 0.5;
 const GAIN_GROWTH: f32 = 1.1;
 /// Least share of the compliance.
@@ -85,7 +89,8 @@ impl GripperState {
         }
     }
 
-    /// Moves both fingers by one physics step: towards the command, or in contact towards the grip force.
+    /// Moves both fingers by one physics step: towards the command, or in contact towards the grip
+    /// force.
     pub(super) fn advance(&mut self, params: &SimParams, spec: &GripperSpec) {
         let travel = 2.0 * params.finger_speed * params.dt;
         let [left, right] = self.expected_forces();
@@ -96,28 +101,36 @@ impl GripperState {
                 (self.gain, self.last_error) = (1.0, 0.0);
             }
             Gripper::Close if self.attachment.is_some() => {}
-            Gripper::Close if self.forces == [0.0; 2] => self.width = (self.width - travel).max(0.0),
+            Gripper::Close if self.forces == [0.0; 2] => {
+                self.width = (self.width - travel).max(0.0)
+            }
             Gripper::Close => {
-                // One motor drives both fingers: it feels their mean; the difference pushes the hand sideways.
+                // One motor drives both fingers: it feels their mean; the difference pushes the
+                // hand sideways.
                 let error = params.grip_force - 0.5 * (left + right);
                 self.adapt_gain(error, params);
-                let closing = (2.0 * params.finger_compliance * self.gain * error).clamp(-travel, travel);
+                let closing =
+                    (2.0 * params.finger_compliance * self.gain * error).clamp(-travel, travel);
                 self.width = (self.width - closing).clamp(0.0, spec.max_width);
                 let sideways = params.finger_compliance * (left - right);
-                self.offset = (self.offset + sideways).clamp(-params.finger_play, params.finger_play);
+                self.offset =
+                    (self.offset + sideways).clamp(-params.finger_play, params.finger_play);
             }
         }
     }
 
-    /// Slows the regulator when the force has passed from well below what it should be to well above, or back.
+    /// Slows the regulator when the force has passed from well below what it should be to well
+    /// above, or back.
     fn adapt_gain(&mut self, error: f32, params: &SimParams) {
-        let swings = error * self.last_error < 0.0 && error.abs().min(self.last_error.abs()) > SWING * params.grip_force;
+        let swings = error * self.last_error < 0.0
+            && error.abs().min(self.last_error.abs()) > SWING * params.grip_force;
         let factor = if swings { GAIN_CUT } else { GAIN_GROWTH };
         self.gain = (factor * self.gain).clamp(MIN_GAIN, 1.0);
         self.last_error = error;
     }
 
-    /// The forces a few steps ahead: contacts answer late, and a regulator on the last forces alone would oscillate.
+    /// The forces a few steps ahead: contacts answer late, and a regulator on the last forces alone
+    /// would oscillate.
     fn expected_forces(&self) -> [f32; 2] {
         core::array::from_fn(|side| {
             let trend = self.forces[side] - self.last_forces[side];
@@ -134,30 +147,35 @@ impl GripperState {
         }
     }
 
-    /// Whether the grip force has come near what it will stay at: contacts answer late, so it first goes far beyond, and is right
-    /// for a moment on the way there.
+    /// Whether the grip force has come near what it will stay at: contacts answer late, so it first
+    /// goes far beyond, and is right for a moment on the way there.
     fn is_calm(&self, params: &SimParams) -> bool {
         let tolerance = (1.0 - FIRM) * params.grip_force;
-        let is_near = |[left, right]: [f32; 2]| (0.5 * (left + right) - params.grip_force).abs() < tolerance;
+        let is_near =
+            |[left, right]: [f32; 2]| (0.5 * (left + right) - params.grip_force).abs() < tolerance;
         is_near(self.forces) && is_near(self.expected_forces())
     }
 }
 
 /// Poses of the two fingers: at the inner faces of the pads, axes of the grip.
 pub(super) fn finger_poses(world_from_grip: &Pose3, width: f32, offset: f32) -> [Pose3; 2] {
-    [0.5, -0.5].map(|side| *world_from_grip * Pose3::from_translation(Vec3::Y * (offset + side * width)))
+    [0.5, -0.5]
+        .map(|side| *world_from_grip * Pose3::from_translation(Vec3::Y * (offset + side * width)))
 }
 
 /// Geometry of the two fingers in their own frames: the pad and the body that carries it.
 pub(super) fn finger_parts(spec: &GripperSpec) -> [Vec<Part>; 2] {
     spec.fingers(0.0).map(|finger| {
-        let part = |shape: &GripperBox, rgb| Part::new(Shape::Cuboid { half_extents: shape.half_extents }, shape.pose(), rgb);
+        let part = |shape: &GripperBox, rgb| {
+            Part::new(Shape::Cuboid { half_extents: shape.half_extents }, shape.pose(), rgb)
+        };
         vec![part(&finger.pad, PAD_RGB), part(&finger.body, FINGER_RGB)]
     })
 }
 
 impl World {
-    /// Reads the fingers' forces, attaches what a closing hand has reached and lets go of what an opening one held.
+    /// Reads the fingers' forces, attaches what a closing hand has reached and lets go of what an
+    /// opening one held.
     pub(super) fn update_grasp(&mut self) {
         self.gripper.last_forces = self.gripper.forces;
         self.gripper.forces = self.finger_forces();
@@ -171,7 +189,9 @@ impl World {
         if self.gripper.attachment.is_some() {
             return;
         }
-        if let Some(body) = (0..self.bodies.len()).find(|&body| self.is_graspable(body) && self.pads_touch(body)) {
+        if let Some(body) =
+            (0..self.bodies.len()).find(|&body| self.is_graspable(body) && self.pads_touch(body))
+        {
             self.attach(body);
             return;
         }
@@ -194,7 +214,8 @@ impl World {
         self.physics.colliders_of(finger).iter().any(|pad| {
             self.physics.narrow_phase.contact_pairs_with(*pad).any(|pair| {
                 let other = if pair.collider1 == *pad { pair.collider2 } else { pair.collider1 };
-                pair.total_impulse_magnitude() > 0.0 && self.physics.colliders[other].parent() == Some(body)
+                pair.total_impulse_magnitude() > 0.0
+                    && self.physics.colliders[other].parent() == Some(body)
             })
         })
     }
@@ -202,9 +223,11 @@ impl World {
     fn attach(&mut self, body: usize) {
         let hand = self.links[HAND];
         let object = self.bodies[body];
-        let hand_from_object = self.physics.bodies[hand].position().inv_mul(self.physics.bodies[object].position());
+        let hand_from_object =
+            self.physics.bodies[hand].position().inv_mul(self.physics.bodies[object].position());
         let joint = FixedJointBuilder::new().local_frame1(hand_from_object).contacts_enabled(false);
-        self.gripper.attachment = Some(self.physics.impulse_joints.insert(hand, object, joint, true));
+        self.gripper.attachment =
+            Some(self.physics.impulse_joints.insert(hand, object, joint, true));
         self.gripper.holding = Holding::Attached { body };
         self.gripper.released = None;
         self.set_held(object, held_groups());

@@ -1,4 +1,5 @@
-//! The simulator: scenes as data, a rapier3d world with a kinematic arm, tasks and the environment over them.
+//! The simulator: scenes as data, a rapier3d world with a kinematic arm, tasks and the environment
+//! over them.
 //!
 //! ```
 //! use lpr_core::env::Environment as _;

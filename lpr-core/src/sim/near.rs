@@ -1,7 +1,8 @@
 //! Which links physics has to know of: those near something that can move.
 //!
-//! A kinematic link meets nothing else in rapier (what is fixed is [`World::check_penetration`]'s affair), and most links are far
-//! from all that moves most of the time; each that is left out spares a step about a hundredth of its time.
+//! A kinematic link meets nothing else in rapier (what is fixed is [`World::check_penetration`]'s
+//! affair), and most links are far from all that moves most of the time; each that is left out
+//! spares a step about a hundredth of its time.
 
 use super::physics::Physics;
 use super::scene_spec::{BodyKind, BodySpec, SceneSpec};
@@ -47,15 +48,20 @@ impl Balls {
         links: &[RigidBodyHandle; N_LINKS],
         bodies: &[RigidBodyHandle],
     ) -> Self {
-        let can_move = |(spec, _): &(&BodySpec, _)| matches!(spec.kind, BodyKind::Dynamic | BodyKind::Graspable);
+        let can_move = |(spec, _): &(&BodySpec, _)| {
+            matches!(spec.kind, BodyKind::Dynamic | BodyKind::Graspable)
+        };
         let movable = spec.bodies.iter().zip(bodies).filter(can_move);
         Self {
             links: links.map(|link| Ball::around(physics, link)),
-            movable: movable.filter_map(|(_, body)| Some((*body, Ball::around(physics, *body)?))).collect(),
+            movable: movable
+                .filter_map(|(_, body)| Some((*body, Ball::around(physics, *body)?)))
+                .collect(),
         }
     }
 
-    /// Whether a link whose frame is `frame` is near something that can move. The hand always counts: it may hold something.
+    /// Whether a link whose frame is `frame` is near something that can move. The hand always
+    /// counts: it may hold something.
     fn is_near(&self, physics: &Physics, link: usize, frame: &Pose3) -> bool {
         if link == HAND {
             return true;
@@ -64,14 +70,16 @@ impl Balls {
         let center = frame.transform_point(ball.center);
         let meets = |(body, other): &(RigidBodyHandle, Ball)| {
             let reach = ball.radius + other.radius + NEAR;
-            physics.bodies[*body].position().transform_point(other.center).distance_squared(center) < reach * reach
+            physics.bodies[*body].position().transform_point(other.center).distance_squared(center)
+                < reach * reach
         };
         self.movable.iter().any(meets)
     }
 }
 
 impl World {
-    /// Moves the links to `frames` during the next physics step, coming from `last`; takes in and leaves out what came near or went.
+    /// Moves the links to `frames` during the next physics step, coming from `last`; takes in and
+    /// leaves out what came near or went.
     pub(super) fn move_links(&mut self, last: &JointConfig, frames: &[Pose3; N_LINKS]) {
         for (link, frame) in frames.iter().enumerate() {
             let is_near = self.balls.is_near(&self.physics, link, frame);
@@ -107,7 +115,12 @@ mod tests {
         };
         let tall = body("box", BodyKind::Dynamic, 0.42, Vec3::new(0.03, 0.03, 0.12));
         let pillar = body("pillar", BodyKind::Fixed, 0.15, Vec3::new(0.03, 0.03, 0.15));
-        let spec = SceneSpec { task: "pillar".to_owned(), bodies: vec![tall, pillar], joints: Vec::new(), success: Vec::new() };
+        let spec = SceneSpec {
+            task: "pillar".to_owned(),
+            bodies: vec![tall, pillar],
+            joints: Vec::new(),
+            success: Vec::new(),
+        };
         World::new(Arc::new(spec), &XARM7, XARM7.start, &SimParams::STANDARD).unwrap()
     }
 
@@ -130,6 +143,10 @@ mod tests {
         assert!(start.z > 0.4, "the box stands on its pillar, not at {start}");
         let near = turn(&mut world, 1.5);
         assert!(far < near, "{far} links are simulated far from the box, {near} beside it");
-        assert!(world.body_pose(0).translation.distance(start) > 0.05, "the box is at {}", world.body_pose(0).translation);
+        assert!(
+            world.body_pose(0).translation.distance(start) > 0.05,
+            "the box is at {}",
+            world.body_pose(0).translation
+        );
     }
 }

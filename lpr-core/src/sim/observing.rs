@@ -1,4 +1,5 @@
-//! What is seen of a world: by the cameras of an observation, and by any camera in the channels that are asked for.
+//! What is seen of a world: by the cameras of an observation, and by any camera in the channels
+//! that are asked for.
 
 use super::env::SimEnvironment;
 use super::randomization::{Sensing, noise_stream};
@@ -62,21 +63,25 @@ struct SeededSensing {
 }
 
 impl World {
-    /// What `value` of a mask of this world stands for: 0 nothing, then 1 + the index of a body, then the frames of the robot
-    /// (base to link 7, hand, both fingers). `None` for a value that is in no mask.
+    /// What `value` of a mask of this world stands for: 0 nothing, then 1 + the index of a body,
+    /// then the frames of the robot (base to link 7, hand, both fingers). `None` for a value that
+    /// is in no mask.
     #[must_use]
     pub fn seen_in_mask(&self, value: u16) -> Option<Seen<'_>> {
         let Some(idx) = usize::from(value).checked_sub(1) else { return Some(Seen::Nothing) };
         let bodies = &self.spec().bodies;
         match bodies.get(idx) {
             Some(body) => Some(Seen::Body { body: idx, name: &body.name }),
-            None => Self::robot_body_names().get(idx - bodies.len()).map(|part| Seen::Robot { part }),
+            None => {
+                Self::robot_body_names().get(idx - bodies.len()).map(|part| Seen::Robot { part })
+            }
         }
     }
 }
 
 impl SimEnvironment {
-    /// Cameras measure with noise, and the scene looks otherwise, from now on: the same `seed` looks the same.
+    /// Cameras measure with noise, and the scene looks otherwise, from now on: the same `seed`
+    /// looks the same.
     ///
     /// [`crate::env::Environment::reset`] keeps the settings and takes the scene's seed.
     pub fn set_sensing(&mut self, settings: Sensing, seed: u64) {
@@ -89,7 +94,8 @@ impl SimEnvironment {
         self.drawing.sensing.as_ref().map(|sensing| &sensing.settings)
     }
 
-    /// What built-in cameras see now, each in its channels and size. The scene's own cameras are not asked.
+    /// What built-in cameras see now, each in its channels and size. The scene's own cameras are
+    /// not asked.
     ///
     /// # Errors
     ///
@@ -97,7 +103,8 @@ impl SimEnvironment {
     pub fn frames(&mut self, requests: &[CameraRequest]) -> Result<Vec<Capture>> {
         let world_from_flange = self.world_from_flange();
         let frame = |CameraRequest { camera, size: [width, height], channels }: &CameraRequest| {
-            let camera = Camera::by_name(camera, self.robot, &world_from_flange)?.with_size(*width, *height);
+            let camera =
+                Camera::by_name(camera, self.robot, &world_from_flange)?.with_size(*width, *height);
             Ok(self.frame(camera, channels))
         };
         requests.iter().map(frame).collect()
@@ -115,7 +122,8 @@ impl SimEnvironment {
         /// Everything but the mask.
         const SEEN: [Channel; 3] = [Channel::Rgb, Channel::Depth, Channel::Cloud];
         let world_from_flange = self.world_from_flange();
-        let camera = Camera::by_name(name, self.robot, &world_from_flange).expect("camera names were checked at construction");
+        let camera = Camera::by_name(name, self.robot, &world_from_flange)
+            .expect("camera names were checked at construction");
         if self.drawing.sensing.is_none() {
             // In one pass over the pixels.
             let items = self.drawing.items(&self.world);
@@ -123,14 +131,20 @@ impl SimEnvironment {
         }
         let Capture { camera, rgb, depth, points, .. } = self.frame(camera, &SEEN);
         let asked = "a channel that was asked for is there";
-        View { camera, rgb: rgb.expect(asked), depth: depth.expect(asked), points: points.expect(asked) }
+        View {
+            camera,
+            rgb: rgb.expect(asked),
+            depth: depth.expect(asked),
+            points: points.expect(asked),
+        }
     }
 
     fn world_from_flange(&self) -> Pose3 {
         Pose3::from(self.robot.flange(self.world.config()))
     }
 
-    /// Items of a picture: every visible part of scene and robot. Ids are 1 + body index, then the robot's frames.
+    /// Items of a picture: every visible part of scene and robot. Ids are 1 + body index, then the
+    /// robot's frames.
     ///
     /// # Errors
     ///
@@ -167,14 +181,24 @@ impl Drawing {
         items(world, &self.bodies)
     }
 
-    fn capture(&mut self, camera: Camera, items: &[Item], channels: &[Channel], step: usize) -> Capture {
-        let Some(SeededSensing { settings: Sensing { noise, randomization }, seed }) = &self.sensing else {
+    fn capture(
+        &mut self,
+        camera: Camera,
+        items: &[Item],
+        channels: &[Channel],
+        step: usize,
+    ) -> Capture {
+        let Some(SeededSensing { settings: Sensing { noise, randomization }, seed }) =
+            &self.sensing
+        else {
             return self.renderer.capture(&camera, items, channels, |_| {});
         };
         let known = CAMERA_NAMES.iter().position(|name| *name == camera.name);
         let camera_idx = known.unwrap_or(CAMERA_NAMES.len()) as u64;
         let camera = randomization.moved(*seed, camera_idx, camera);
-        let measure = |depth: &mut [f32]| noise.apply(&camera, depth, &mut noise_stream(*seed, step, camera_idx));
+        let measure = |depth: &mut [f32]| {
+            noise.apply(&camera, depth, &mut noise_stream(*seed, step, camera_idx))
+        };
         self.renderer.capture(&camera, items, channels, measure)
     }
 }
@@ -183,8 +207,9 @@ impl Drawing {
 fn meshes(world: &World, renderer: &mut Renderer) -> Result<Vec<Vec<DrawnPart>>> {
     let scene = world.scene_items().map(|(_, _, parts)| parts.to_vec());
     let robot = world.robot_items().into_iter().map(|(_, parts)| parts);
-    let mut drawn =
-        |Part { shape, pose, rgb }: &Part| Ok(DrawnPart { mesh: renderer.mesh(shape)?, body_from_part: *pose, rgb: *rgb });
+    let mut drawn = |Part { shape, pose, rgb }: &Part| {
+        Ok(DrawnPart { mesh: renderer.mesh(shape)?, body_from_part: *pose, rgb: *rgb })
+    };
     scene.chain(robot).map(|parts| parts.iter().map(&mut drawn).collect()).collect()
 }
 

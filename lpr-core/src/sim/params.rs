@@ -1,4 +1,5 @@
-//! Physics settings: every field of rapier's integration parameters, none left to a default that changes between releases.
+//! Physics settings: every field of rapier's integration parameters, none left to a default that
+//! changes between releases.
 
 use rapier3d::prelude::{FrictionModel, IntegrationParameters, SpringCoefficients};
 use serde::{Deserialize, Serialize};
@@ -11,12 +12,14 @@ pub struct SimParams {
     pub dt: f32,
     /// Solver substeps of one physics step.
     pub solver_iterations: usize,
-    /// Natural frequency of contacts, Hz. rapier's 30 Hz lets fingers sink 6 mm into what they hold.
+    /// Natural frequency of contacts, Hz. rapier's 30 Hz lets fingers sink 6 mm into what they
+    /// hold.
     pub contact_frequency: f32,
     /// Damping ratio of contacts.
     pub contact_damping_ratio: f32,
-    /// Natural frequency of hinges and slides, Hz: off their axis they give way, by less than 3 mm and 1.3 degrees while a
-    /// demonstrator pulls (a test). At 120 Hz a hand half a voxel off its arc is stopped by the force on a door.
+    /// Natural frequency of hinges and slides, Hz: off their axis they give way, by less than 3 mm
+    /// and 1.3 degrees while a demonstrator pulls (a test). At 120 Hz a hand half a voxel off its
+    /// arc is stopped by the force on a door.
     pub joint_frequency: f32,
     /// Damping ratio of hinges and slides.
     pub joint_damping_ratio: f32,
@@ -26,11 +29,12 @@ pub struct SimParams {
     pub grip_force: f32,
     /// Speed of one finger while it closes or opens, m/s.
     pub finger_speed: f32,
-    /// How far a finger in contact gives way in one physics step per newton of force error, metres: it sets the grip force, and
-    /// lets both fingers follow a handle sideways as a compliant arm does. The closing of heavy bodies is slower, see
-    /// `GripperState::gain`.
+    /// How far a finger in contact gives way in one physics step per newton of force error, metres:
+    /// it sets the grip force, and lets both fingers follow a handle sideways as a compliant arm
+    /// does. The closing of heavy bodies is slower, see `GripperState::gain`.
     pub finger_compliance: f32,
-    /// How far the fingers may follow sideways before they are rigid, metres: a little more than half a voxel.
+    /// How far the fingers may follow sideways before they are rigid, metres: a little more than
+    /// half a voxel.
     pub finger_play: f32,
     /// Friction coefficient of the pads (combined by maximum with what they touch).
     pub pad_friction: f32,
@@ -38,7 +42,8 @@ pub struct SimParams {
     pub abort_force: f32,
     /// Penetration of the arm into a fixed body that ends the episode, metres.
     pub abort_penetration: f32,
-    /// Friction coefficient of a body in a friction sweep is multiplied by this (1 in every preset).
+    /// Friction coefficient of a body in a friction sweep is multiplied by this (1 in every
+    /// preset).
     pub friction_scale: f32,
 }
 
@@ -73,8 +78,14 @@ impl SimParams {
         IntegrationParameters {
             dt: self.dt,
             min_ccd_dt: self.dt / 100.0,
-            contact_softness: SpringCoefficients::new(self.contact_frequency, self.contact_damping_ratio),
-            static_contact_softness: SpringCoefficients::new(self.contact_frequency, self.contact_damping_ratio),
+            contact_softness: SpringCoefficients::new(
+                self.contact_frequency,
+                self.contact_damping_ratio,
+            ),
+            static_contact_softness: SpringCoefficients::new(
+                self.contact_frequency,
+                self.contact_damping_ratio,
+            ),
             warmstart_coefficient: 1.0,
             length_unit: 1.0,
             normalized_allowed_linear_error: 0.005,
@@ -87,8 +98,9 @@ impl SimParams {
             num_internal_stabilization_iterations: 1,
             max_ccd_substeps: 1,
             contact_clustering: true,
-            // A pair is not looked at again until it has moved: at rapier's 5 cm objects sink into each other, at a hundredth of a
-            // millimetre this spares what lies still. Not for the robot's pairs, see `physics::NEVER_RECYCLED`.
+            // A pair is not looked at again until it has moved: at rapier's 5 cm objects sink into
+            // each other, at a hundredth of a millimetre this spares what lies still. Not for the
+            // robot's pairs, see `physics::NEVER_RECYCLED`.
             contact_recycling: true,
             normalized_contact_recycle_distance: 1e-5,
             // Off, objects of 2 cm are dropped and drawers coast.

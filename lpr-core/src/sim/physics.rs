@@ -5,11 +5,12 @@ use super::scene_spec::{BodyKind, BodySpec, JointKind, JointSpec};
 use crate::scene::{Part, Shape};
 use glamx::{Pose3, Quat, Vec3};
 use rapier3d::prelude::{
-    ActiveHooks, BroadPhaseBvh, CCDSolver, CoefficientCombineRule, ColliderBuilder, ColliderHandle, ColliderSet, GenericJoint,
-    Group, ImpulseJoint, ImpulseJointHandle, ImpulseJointSet, IntegrationParameters, InteractionGroups, InteractionTestMode,
-    IslandManager, JointAxis, MotorModel, MultibodyJointSet, NarrowPhase, PhysicsPipeline, PrismaticJointBuilder,
-    RevoluteJointBuilder, RigidBodyActivation, RigidBodyBuilder, RigidBodyHandle, RigidBodySet, SharedShape, SoftBodySet,
-    SpringCoefficients,
+    ActiveHooks, BroadPhaseBvh, CCDSolver, CoefficientCombineRule, ColliderBuilder, ColliderHandle,
+    ColliderSet, GenericJoint, Group, ImpulseJoint, ImpulseJointHandle, ImpulseJointSet,
+    IntegrationParameters, InteractionGroups, InteractionTestMode, IslandManager, JointAxis,
+    MotorModel, MultibodyJointSet, NarrowPhase, PhysicsPipeline, PrismaticJointBuilder,
+    RevoluteJointBuilder, RigidBodyActivation, RigidBodyBuilder, RigidBodyHandle, RigidBodySet,
+    SharedShape, SoftBodySet, SpringCoefficients,
 };
 use serde::{Deserialize, Serialize};
 
@@ -20,10 +21,12 @@ pub(super) const ROBOT_GROUP: Group = Group::GROUP_2;
 
 /// Damping of a brake below its limit, N·m·s/rad or N·s/m: stiff, so that it acts as dry friction.
 const BRAKE_DAMPING: f32 = 100.0;
-/// Damping of a spring over its stiffness, seconds: a lever that is let go returns without swinging.
+/// Damping of a spring over its stiffness, seconds: a lever that is let go returns without
+/// swinging.
 const SPRING_DAMPING_SECS: f32 = 0.1;
-/// Keeps rapier from recycling the contacts of the robot, since a recycled contact stays in the world where a kinematic body
-/// was: the fingers would leave it behind. Pairs with any hook are never recycled; this one is not called, as nothing is a sensor.
+/// Keeps rapier from recycling the contacts of the robot, since a recycled contact stays in the
+/// world where a kinematic body was: the fingers would leave it behind. Pairs with any hook are
+/// never recycled; this one is not called, as nothing is a sensor.
 const NEVER_RECYCLED: ActiveHooks = ActiveHooks::FILTER_INTERSECTION_PAIR;
 /// Earth's gravity along world z, m/s².
 const GRAVITY: Vec3 = Vec3::new(0.0, 0.0, -9.81);
@@ -104,7 +107,11 @@ impl Physics {
         if spec.kind == BodyKind::Visual {
             return body;
         }
-        let volume: f32 = spec.parts.iter().map(|part| shared_shape(&part.shape).mass_properties(1.0).mass()).sum();
+        let volume: f32 = spec
+            .parts
+            .iter()
+            .map(|part| shared_shape(&part.shape).mass_properties(1.0).mass())
+            .sum();
         for part in &spec.parts {
             let shape = shared_shape(&part.shape);
             let density = if volume > 0.0 { spec.mass / volume } else { 0.0 };
@@ -119,7 +126,12 @@ impl Physics {
     }
 
     /// Adds a kinematic body of the robot.
-    pub(super) fn insert_robot_body(&mut self, pose: Pose3, parts: &[Part], friction: f32) -> RigidBodyHandle {
+    pub(super) fn insert_robot_body(
+        &mut self,
+        pose: Pose3,
+        parts: &[Part],
+        friction: f32,
+    ) -> RigidBodyHandle {
         let body = self.bodies.insert(RigidBodyBuilder::kinematic_position_based().pose(pose));
         for part in parts {
             let collider = ColliderBuilder::new(shared_shape(&part.shape))
@@ -127,7 +139,11 @@ impl Physics {
                 .friction(friction)
                 .friction_combine_rule(CoefficientCombineRule::Max)
                 .active_hooks(NEVER_RECYCLED)
-                .collision_groups(InteractionGroups::new(ROBOT_GROUP, SCENE_GROUP, InteractionTestMode::And));
+                .collision_groups(InteractionGroups::new(
+                    ROBOT_GROUP,
+                    SCENE_GROUP,
+                    InteractionTestMode::And,
+                ));
             self.colliders.insert_with_parent(collider, body, &mut self.bodies);
         }
         body
@@ -135,8 +151,9 @@ impl Physics {
 
     /// Adds a hinge or slide between two bodies.
     ///
-    /// It gives way a little, as rails and hinges do: between a rigid joint and a kinematic hand a force would be undefined (in
-    /// reduced coordinates it grows without bound, with rapier's default stiffness it depends on the solver's iterations).
+    /// It gives way a little, as rails and hinges do: between a rigid joint and a kinematic hand a
+    /// force would be undefined (in reduced coordinates it grows without bound, with rapier's
+    /// default stiffness it depends on the solver's iterations).
     pub(super) fn insert_joint(
         &mut self,
         spec: &JointSpec,
@@ -144,37 +161,65 @@ impl Physics {
         params: &SimParams,
     ) -> ImpulseJointHandle {
         // The joint's own coordinate is zero at the start poses; its x axis is the axis of motion.
-        let world_from_joint = Pose3::from_parts(spec.anchor, Quat::from_rotation_arc(Vec3::X, spec.axis));
-        let frame_in = |body: RigidBodyHandle| self.bodies[body].position().inv_mul(&world_from_joint);
+        let world_from_joint =
+            Pose3::from_parts(spec.anchor, Quat::from_rotation_arc(Vec3::X, spec.axis));
+        let frame_in =
+            |body: RigidBodyHandle| self.bodies[body].position().inv_mul(&world_from_joint);
         let limits = spec.limits.map(|limit| limit - spec.start);
         let mut joint: GenericJoint = match spec.kind {
-            JointKind::Revolute => RevoluteJointBuilder::new(Vec3::X).limits(limits).contacts_enabled(false).build().into(),
-            JointKind::Prismatic => PrismaticJointBuilder::new(Vec3::X).limits(limits).contacts_enabled(false).build().into(),
+            JointKind::Revolute => RevoluteJointBuilder::new(Vec3::X)
+                .limits(limits)
+                .contacts_enabled(false)
+                .build()
+                .into(),
+            JointKind::Prismatic => PrismaticJointBuilder::new(Vec3::X)
+                .limits(limits)
+                .contacts_enabled(false)
+                .build()
+                .into(),
         };
-        joint.softness = SpringCoefficients::new(params.joint_frequency, params.joint_damping_ratio);
+        joint.softness =
+            SpringCoefficients::new(params.joint_frequency, params.joint_damping_ratio);
         joint.local_frame1 = frame_in(parent);
         joint.local_frame2 = frame_in(child);
         let axis = motion_axis(spec.kind);
         if spec.brake > 0.0 {
-            joint.set_motor_model(axis, MotorModel::ForceBased).set_motor_velocity(axis, 0.0, BRAKE_DAMPING);
+            joint.set_motor_model(axis, MotorModel::ForceBased).set_motor_velocity(
+                axis,
+                0.0,
+                BRAKE_DAMPING,
+            );
             joint.set_motor_max_force(axis, spec.brake);
         } else if spec.spring > 0.0 {
             let damping = SPRING_DAMPING_SECS * spec.spring;
-            joint.set_motor_model(axis, MotorModel::ForceBased).set_motor_position(axis, 0.0, spec.spring, damping);
+            joint.set_motor_model(axis, MotorModel::ForceBased).set_motor_position(
+                axis,
+                0.0,
+                spec.spring,
+                damping,
+            );
             // Held still for a while and let go, it would fall asleep on its way back.
             *self.bodies[child].activation_mut() = RigidBodyActivation::cannot_sleep();
         }
         self.impulse_joints.insert(parent, child, joint, true)
     }
 
-    /// Lets a joint move within its limits, or keeps it where it was at the start. Wakes its bodies only when that changes.
-    pub(super) fn set_latched(&mut self, joint: ImpulseJointHandle, spec: &JointSpec, latched: Latched) {
+    /// Lets a joint move within its limits, or keeps it where it was at the start. Wakes its bodies
+    /// only when that changes.
+    pub(super) fn set_latched(
+        &mut self,
+        joint: ImpulseJointHandle,
+        spec: &JointSpec,
+        latched: Latched,
+    ) {
         let limits = match latched {
             Latched::Yes => [0.0; 2],
             Latched::No => spec.limits.map(|limit| limit - spec.start),
         };
         let axis = motion_axis(spec.kind);
-        let is_set = |joint: &ImpulseJoint| joint.data.limits(axis).is_some_and(|now| [now.min, now.max] == limits);
+        let is_set = |joint: &ImpulseJoint| {
+            joint.data.limits(axis).is_some_and(|now| [now.min, now.max] == limits)
+        };
         if self.impulse_joints.get(joint).is_some_and(is_set) {
             return;
         }
@@ -218,17 +263,24 @@ pub(super) fn held_groups() -> InteractionGroups {
 pub(super) fn shared_shape(shape: &Shape) -> SharedShape {
     match shape {
         Shape::Sphere { radius } => SharedShape::ball(*radius),
-        Shape::Cuboid { half_extents } => SharedShape::cuboid(half_extents.x, half_extents.y, half_extents.z),
+        Shape::Cuboid { half_extents } => {
+            SharedShape::cuboid(half_extents.x, half_extents.y, half_extents.z)
+        }
         Shape::Cylinder { radius, half_length } => SharedShape::cylinder(*half_length, *radius),
-        Shape::Capsule { radius, half_length } => SharedShape::capsule(Vec3::Z * -*half_length, Vec3::Z * *half_length, *radius),
-        Shape::Convex { points } => SharedShape::convex_hull(points).unwrap_or_else(|| SharedShape::cuboid(1e-4, 1e-4, 1e-4)),
+        Shape::Capsule { radius, half_length } => {
+            SharedShape::capsule(Vec3::Z * -*half_length, Vec3::Z * *half_length, *radius)
+        }
+        Shape::Convex { points } => SharedShape::convex_hull(points)
+            .unwrap_or_else(|| SharedShape::cuboid(1e-4, 1e-4, 1e-4)),
     }
 }
 
 /// Pose of the collider in its body: rapier's cylinder lies along y, ours along z.
 pub(super) fn collider_pose(part: &Part) -> Pose3 {
     match part.shape {
-        Shape::Cylinder { .. } => part.pose * Pose3::from_rotation(Quat::from_rotation_x(core::f32::consts::FRAC_PI_2)),
+        Shape::Cylinder { .. } => {
+            part.pose * Pose3::from_rotation(Quat::from_rotation_x(core::f32::consts::FRAC_PI_2))
+        }
         _ => part.pose,
     }
 }

@@ -1,6 +1,8 @@
-//! Where a task stands: drawn until it fits on the table and the arm can do the demonstrator's waypoints.
+//! Where a task stands: drawn until it fits on the table and the arm can do the demonstrator's
+//! waypoints.
 //!
-//! Reachability is a matter of kinematics alone: a placement is never judged by running the demonstration.
+//! Reachability is a matter of kinematics alone: a placement is never judged by running the
+//! demonstration.
 
 use super::arm::link_parts;
 use super::demonstrator::{DemoPlan, plan_waypoints};
@@ -53,12 +55,18 @@ impl Rejected {
     }
 }
 
-/// Places a variation of `task` for scene `seed`. Task, variation, robot and seed make the scene, bit for bit.
+/// Places a variation of `task` for scene `seed`. Task, variation, robot and seed make the scene,
+/// bit for bit.
 ///
 /// # Errors
 ///
 /// When there is no such variation, or 200 draws give no placement that the arm can do.
-pub fn place(task: &Task, variation: usize, robot: &'static Robot, seed: u64) -> Result<PlacedTask> {
+pub fn place(
+    task: &Task,
+    variation: usize,
+    robot: &'static Robot,
+    seed: u64,
+) -> Result<PlacedTask> {
     task.check_variation(variation)?;
     let mut rejected = Rejected::default();
     for draw in 0..MAX_DRAWS {
@@ -80,8 +88,14 @@ pub fn place(task: &Task, variation: usize, robot: &'static Robot, seed: u64) ->
     )))
 }
 
-/// One draw of the task's frame, and the scene there: `None` when something touches the arm's start posture.
-fn draw_placement(task: &Task, variation: usize, robot: &Robot, rng: &mut Rng) -> (Pose3, Option<TaskScene>) {
+/// One draw of the task's frame, and the scene there: `None` when something touches the arm's start
+/// posture.
+fn draw_placement(
+    task: &Task,
+    variation: usize,
+    robot: &Robot,
+    rng: &mut Rng,
+) -> (Pose3, Option<TaskScene>) {
     let Placement { center, half_range, max_yaw } = task.placement;
     let mut symmetric = || 2.0 * rng.random::<f32>() - 1.0;
     let yaw = max_yaw * symmetric();
@@ -105,11 +119,15 @@ fn touches_start(robot: &Robot, scene: &TaskScene) -> bool {
     let arm: Vec<_> = frames
         .iter()
         .enumerate()
-        .flat_map(|(link, frame)| link_parts(robot, link).into_iter().map(move |part| (*frame, part)))
+        .flat_map(|(link, frame)| {
+            link_parts(robot, link).into_iter().map(move |part| (*frame, part))
+        })
         .map(|(frame, part)| aabb(&frame, &part).loosened(CLEARANCE))
         .collect();
     let solid = scene.spec.bodies.iter().filter(|body| body.kind != BodyKind::Visual);
-    solid.flat_map(|body| body.parts.iter().map(|part| aabb(&body.pose, part))).any(|b| arm.iter().any(|a| a.intersects(&b)))
+    solid
+        .flat_map(|body| body.parts.iter().map(|part| aabb(&body.pose, part)))
+        .any(|b| arm.iter().any(|a| a.intersects(&b)))
 }
 
 fn table() -> BodySpec {

@@ -1,6 +1,7 @@
 //! How a scene may look otherwise than it is built: colours, light and where the cameras stand.
 //!
-//! Off unless it is asked for. Every draw is a function of the seed, so that a scene looks the same for a whole episode.
+//! Off unless it is asked for. Every draw is a function of the seed, so that a scene looks the same
+//! for a whole episode.
 
 use super::render::Light;
 use crate::perception::{Camera, DepthNoise};
@@ -35,7 +36,8 @@ pub struct Randomization {
     pub light_intensity: f32,
     /// Of the ambient light, as a share of it.
     pub ambient: f32,
-    /// Of a camera's position along each of its axes, metres. The camera knows where it stands: a cloud stays true.
+    /// Of a camera's position along each of its axes, metres. The camera knows where it stands: a
+    /// cloud stays true.
     pub camera_position: f32,
     /// Angle by which a camera is turned about any axis, radians: at most, not ±.
     pub camera_angle: f32,
@@ -43,12 +45,24 @@ pub struct Randomization {
 
 impl Randomization {
     /// None at all.
-    pub const OFF: Self =
-        Self { color: 0.0, light_angle: 0.0, light_intensity: 0.0, ambient: 0.0, camera_position: 0.0, camera_angle: 0.0 };
+    pub const OFF: Self = Self {
+        color: 0.0,
+        light_angle: 0.0,
+        light_intensity: 0.0,
+        ambient: 0.0,
+        camera_position: 0.0,
+        camera_angle: 0.0,
+    };
 
     /// As much as a table in another room at another time of day would differ; our choice.
-    pub const MODERATE: Self =
-        Self { color: 0.12, light_angle: 0.5, light_intensity: 0.3, ambient: 0.2, camera_position: 0.015, camera_angle: 0.03 };
+    pub const MODERATE: Self = Self {
+        color: 0.12,
+        light_angle: 0.5,
+        light_intensity: 0.3,
+        ambient: 0.2,
+        camera_position: 0.015,
+        camera_angle: 0.03,
+    };
 
     /// What is added to the channels of the colours of `body`.
     pub(super) fn color_shift(&self, seed: u64, body: usize) -> [f32; 3] {
@@ -76,7 +90,8 @@ impl Randomization {
     }
 }
 
-/// The generator of a camera's noise in one step: it depends on nothing else, so that looking twice gives the same image.
+/// The generator of a camera's noise in one step: it depends on nothing else, so that looking twice
+/// gives the same image.
 pub(super) fn noise_stream(seed: u64, step: usize, camera_idx: u64) -> Rng {
     stream(seed, Stream::Noise, ((step as u64) << CAMERA_BITS) | camera_idx)
 }
@@ -115,10 +130,12 @@ mod tests {
             let angle = light.to_light.angle_between(standard.to_light);
             assert!(
                 angle <= most.light_angle + 1e-3
-                    && (light.intensity / standard.intensity - 1.0).abs() <= most.light_intensity + 1e-5
+                    && (light.intensity / standard.intensity - 1.0).abs()
+                        <= most.light_intensity + 1e-5
             );
             assert!((light.ambient / standard.ambient - 1.0).abs() <= most.ambient + 1e-5);
-            let moved = camera.world_from_camera.inverse() * most.moved(seed, 0, camera.clone()).world_from_camera;
+            let moved = camera.world_from_camera.inverse()
+                * most.moved(seed, 0, camera.clone()).world_from_camera;
             assert!(moved.translation.abs().max_element() <= most.camera_position + 1e-5);
             assert!(moved.rotation.angle_between(Quat::IDENTITY) <= most.camera_angle + 1e-3);
             let color = most.color_shift(seed, 1).map(f32::abs).into_iter().fold(0.0, f32::max);

@@ -1,4 +1,5 @@
-//! From a scripted demonstration to what an agent learns from: frames, keyframes, observations and paths.
+//! From a scripted demonstration to what an agent learns from: frames, keyframes, observations and
+//! paths.
 
 use super::demonstrator::{Demonstration, demonstrate};
 use super::env::SimEnvironment;
@@ -23,7 +24,9 @@ pub fn demo_frames(env: &SimEnvironment, demo: &Demonstration) -> Vec<DemoFrame>
         let width = world.gripper_width();
         DemoFrame {
             joints,
-            joint_velocities: core::array::from_fn::<f32, DOF, _>(|j| (joints[j] - before[j]) / control_dt),
+            joint_velocities: core::array::from_fn::<f32, DOF, _>(|j| {
+                (joints[j] - before[j]) / control_dt
+            }),
             gripper_open: Proprio::openness(width, robot.gripper.max_width) > 0.5,
             gripper_width: width,
             grip: robot.grip(&joints),
@@ -34,12 +37,22 @@ pub fn demo_frames(env: &SimEnvironment, demo: &Demonstration) -> Vec<DemoFrame>
 
 /// Every chain of keyframes that demo augmentation makes of a demonstration recorded in `env`.
 #[must_use]
-pub fn demo_episodes(env: &SimEnvironment, demo: &Demonstration, settings: &DemoSettings) -> Vec<DemoEpisode> {
+pub fn demo_episodes(
+    env: &SimEnvironment,
+    demo: &Demonstration,
+    settings: &DemoSettings,
+) -> Vec<DemoEpisode> {
     let frames = demo_frames(env, demo);
     let mut episodes: Vec<DemoEpisode> = Vec::new();
     for transition in augment_demo(&frames, settings) {
-        let mut seen = env.at(demo.frames[transition.observation].clone(), transition.step.min(EPISODE_LENGTH - 1));
-        let configs: Vec<_> = frames[transition.observation..=transition.keyframe].iter().map(|frame| frame.joints).collect();
+        let mut seen = env.at(
+            demo.frames[transition.observation].clone(),
+            transition.step.min(EPISODE_LENGTH - 1),
+        );
+        let configs: Vec<_> = frames[transition.observation..=transition.keyframe]
+            .iter()
+            .map(|frame| frame.joints)
+            .collect();
         let Ok(path) = JointPath::new(configs) else { continue };
         let keyframe = &frames[transition.keyframe];
         let gripper = if keyframe.gripper_open { Gripper::Open } else { Gripper::Close };
@@ -62,16 +75,21 @@ pub struct FollowedFrame {
     pub gripper_width: f32,
 }
 
-/// Does what a demonstration did, in `env`, which has just been reset to its scene: the arm goes from frame to frame, and where the
-/// pads move while it stands still, the gripper gets that command. It may end otherwise than the demonstration did.
+/// Does what a demonstration did, in `env`, which has just been reset to its scene: the arm goes
+/// from frame to frame, and where the pads move while it stands still, the gripper gets that
+/// command. It may end otherwise than the demonstration did.
 #[must_use]
 pub fn follow(env: &mut SimEnvironment, frames: &[FollowedFrame]) -> Demonstration {
     /// Pads that move less than this were not commanded, metres: what they hold gives way by less.
     const COMMANDED: f32 = 0.001;
     /// An arm that moves less than this stands still, radians in every joint.
     const STILL: f32 = 1e-6;
-    let mut demo =
-        Demonstration { frames: vec![env.world().clone()], waypoint_frames: Vec::new(), success: false, invalid: None };
+    let mut demo = Demonstration {
+        frames: vec![env.world().clone()],
+        waypoint_frames: Vec::new(),
+        success: false,
+        invalid: None,
+    };
     for pair in frames.windows(2) {
         let opened_by = pair[1].gripper_width - pair[0].gripper_width;
         let stands = pair[1].joints.max_joint_distance(&pair[0].joints) < STILL;
@@ -90,12 +108,17 @@ pub fn follow(env: &mut SimEnvironment, frames: &[FollowedFrame]) -> Demonstrati
     demo
 }
 
-/// Records a successful demonstration in scene `seed` and augments it; `None` when the demonstrator fails there.
+/// Records a successful demonstration in scene `seed` and augments it; `None` when the demonstrator
+/// fails there.
 ///
 /// # Errors
 ///
 /// When the scene cannot be placed.
-pub fn record_demo(env: &SimEnvironment, seed: u64, settings: &DemoSettings) -> crate::Result<Option<Vec<DemoEpisode>>> {
+pub fn record_demo(
+    env: &SimEnvironment,
+    seed: u64,
+    settings: &DemoSettings,
+) -> crate::Result<Option<Vec<DemoEpisode>>> {
     let mut env = env.clone();
     env.reset(seed)?;
     let start = env.clone();
@@ -115,20 +138,31 @@ mod tests {
     fn demonstrations_have_the_keyframes_of_their_task_and_braking_is_none() {
         let config = Config::preset("fast").expect("a preset");
         for task in TASKS {
-            let env = SimEnvironment::new(task, &XARM7, 0, &["front"], &config.simulator).expect("a scene");
+            let env = SimEnvironment::new(task, &XARM7, 0, &["front"], &config.simulator)
+                .expect("a scene");
             for seed in 0..8 {
-                let Some(chains) = record_demo(&env, seed, &config.demos).expect("a scene") else { continue };
+                let Some(chains) = record_demo(&env, seed, &config.demos).expect("a scene") else {
+                    continue;
+                };
                 let whole = chains.first().expect("a chain from the first frame");
                 assert_eq!(whole.steps.len(), task.keyframes, "{} {seed}", task.name);
             }
         }
     }
 
-    fn followed(task: &'static Task, robot: &'static Robot, seed: u64) -> (Demonstration, Demonstration) {
-        let mut env = SimEnvironment::new(task, robot, seed, &["front"], &SimParams::STANDARD).expect("a scene");
+    fn followed(
+        task: &'static Task,
+        robot: &'static Robot,
+        seed: u64,
+    ) -> (Demonstration, Demonstration) {
+        let mut env = SimEnvironment::new(task, robot, seed, &["front"], &SimParams::STANDARD)
+            .expect("a scene");
         let mut again = env.clone();
         let demo = demonstrate(&mut env, &mut stream(seed, Stream::Demo, 0));
-        let frame = |world: &World| FollowedFrame { joints: *world.config(), gripper_width: world.gripper_width() };
+        let frame = |world: &World| FollowedFrame {
+            joints: *world.config(),
+            gripper_width: world.gripper_width(),
+        };
         let frames: Vec<_> = demo.frames.iter().map(frame).collect();
         (follow(&mut again, &frames), demo)
     }

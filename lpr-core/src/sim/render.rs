@@ -1,7 +1,9 @@
-//! A renderer for primitive shapes on the CPU: colour, depth, organised point cloud and mask of what a camera sees.
+//! A renderer for primitive shapes on the CPU: colour, depth, organised point cloud and mask of
+//! what a camera sees.
 //!
-//! A z-buffer over flat-shaded triangles; shading is deferred, so each pixel is coloured once. Nothing here knows of physics: items
-//! are meshes with poses, and walls, floor and table are items like any other.
+//! A z-buffer over flat-shaded triangles; shading is deferred, so each pixel is coloured once.
+//! Nothing here knows of physics: items are meshes with poses, and walls, floor and table are items
+//! like any other.
 
 mod annotate;
 mod capture;
@@ -40,7 +42,8 @@ pub struct Light {
 
 impl Light {
     /// The light of every observation that is not randomised.
-    pub const STANDARD: Self = Self { to_light: Vec3::new(0.45, -0.35, 0.85), ambient: 0.45, intensity: 1.0 - 0.45 };
+    pub const STANDARD: Self =
+        Self { to_light: Vec3::new(0.45, -0.35, 0.85), ambient: 0.45, intensity: 1.0 - 0.45 };
 }
 
 /// Mask value of pixels that see nothing.
@@ -169,7 +172,8 @@ impl Renderer {
                 light_of = (face.item_idx, item.world_from_mesh.rotation.inverse() * to_light);
             }
             let normal = self.meshes[item.mesh.0].normals[face.triangle_idx as usize];
-            let brightness = self.light.ambient + self.light.intensity * normal.dot(light_of.1).max(0.0);
+            let brightness =
+                self.light.ambient + self.light.intensity * normal.dot(light_of.1).max(0.0);
             let rgb = item.rgb.map(|channel| (f32::from(channel) * brightness) as u8);
             self.shaded.push(Shaded { rgb, id: item.id });
         }
@@ -183,7 +187,11 @@ impl Renderer {
         let ray_per_column = rotation * Vec3::new(1.0 / camera.fx, 0.0, 0.0);
         for y in 0..camera.height {
             let (inverse_depths, face_idxs) = self.raster.row(y);
-            let left = Vec3::new((0.5 - camera.cx) / camera.fx, (y as f32 + 0.5 - camera.cy) / camera.fy, 1.0);
+            let left = Vec3::new(
+                (0.5 - camera.cx) / camera.fx,
+                (y as f32 + 0.5 - camera.cy) / camera.fy,
+                1.0,
+            );
             let ray_left = rotation * left;
             let row = y * camera.width..(y + 1) * camera.width;
             let outputs = rgb[row.clone()].iter_mut().zip(&mut mask[row.clone()]);

@@ -20,7 +20,8 @@ pub struct SceneSpec {
 }
 
 impl SceneSpec {
-    /// Moves everything from the task frame to the world. Upright zones stay upright: `world_from_task` is a yaw and a shift.
+    /// Moves everything from the task frame to the world. Upright zones stay upright:
+    /// `world_from_task` is a yaw and a shift.
     pub(super) fn place(&mut self, world_from_task: &Pose3) {
         for body in &mut self.bodies {
             body.pose = *world_from_task * body.pose;
@@ -30,12 +31,15 @@ impl SceneSpec {
             joint.axis = world_from_task.transform_vector(joint.axis);
         }
         for condition in &mut self.success {
-            if let Condition::BodyInZone { zone, .. } | Condition::BodyOutsideZone { zone, .. } | Condition::GripInZone { zone } =
-                condition
+            if let Condition::BodyInZone { zone, .. }
+            | Condition::BodyOutsideZone { zone, .. }
+            | Condition::GripInZone { zone } = condition
             {
                 match zone {
                     Zone::Cuboid { pose, .. } => *pose = *world_from_task * *pose,
-                    Zone::Cylinder { center, .. } => *center = world_from_task.transform_point(*center),
+                    Zone::Cylinder { center, .. } => {
+                        *center = world_from_task.transform_point(*center)
+                    }
                 }
             }
         }
@@ -43,25 +47,36 @@ impl SceneSpec {
 }
 
 impl SceneSpec {
-    /// Checks sizes, poses and indices: what a scene of a file must keep to, so that physics and pictures can be built from it.
+    /// Checks sizes, poses and indices: what a scene of a file must keep to, so that physics and
+    /// pictures can be built from it.
     ///
     /// # Errors
     ///
     /// Naming the body, joint or condition at fault.
     pub fn check(&self) -> Result<()> {
-        let broken = |what: String| Error::Environment(format!("scene of task '{}': {what}", self.task));
+        let broken =
+            |what: String| Error::Environment(format!("scene of task '{}': {what}", self.task));
         let no_body = |body: usize| self.bodies.get(body).is_none();
         if self.bodies.len() > MAX_BODIES {
-            return Err(broken(format!("bodies: expected at most {MAX_BODIES}, found {}", self.bodies.len())));
+            return Err(broken(format!(
+                "bodies: expected at most {MAX_BODIES}, found {}",
+                self.bodies.len()
+            )));
         }
         for body in &self.bodies {
             let name = &body.name;
             let weights = [body.mass, body.friction];
-            if !is_pose(&body.pose) || !body.parts.iter().all(|part| is_pose(&part.pose) && has_volume(&part.shape)) {
-                return Err(broken(format!("body '{name}': expected unit quaternions, sizes above 0 and lengths up to {FAR} m")));
+            if !is_pose(&body.pose)
+                || !body.parts.iter().all(|part| is_pose(&part.pose) && has_volume(&part.shape))
+            {
+                return Err(broken(format!(
+                    "body '{name}': expected unit quaternions, sizes above 0 and lengths up to {FAR} m"
+                )));
             }
             if !weights.iter().all(|weight| (0.0..=HEAVY).contains(weight)) {
-                return Err(broken(format!("body '{name}': expected mass and friction from 0 to {HEAVY}")));
+                return Err(broken(format!(
+                    "body '{name}': expected mass and friction from 0 to {HEAVY}"
+                )));
             }
         }
         for joint in &self.joints {
@@ -69,27 +84,43 @@ impl SceneSpec {
             if joint.parent == joint.child || no_body(joint.parent) || no_body(joint.child) {
                 return Err(broken(format!("joint '{name}': expected two bodies of the scene")));
             }
-            if joint.latch.is_some_and(|latch| latch.joint >= self.joints.len() || latch.min.is_nan()) {
-                return Err(broken(format!("joint '{name}': its latch names a joint that is not there")));
+            if joint
+                .latch
+                .is_some_and(|latch| latch.joint >= self.joints.len() || latch.min.is_nan())
+            {
+                return Err(broken(format!(
+                    "joint '{name}': its latch names a joint that is not there"
+                )));
             }
             if joint.brake > 0.0 && joint.spring > 0.0 {
-                return Err(broken(format!("joint '{name}': expected a brake or a spring, not both")));
+                return Err(broken(format!(
+                    "joint '{name}': expected a brake or a spring, not both"
+                )));
             }
-            let numbers = [joint.limits[0], joint.limits[1], joint.start, joint.brake, joint.spring];
-            let is_placed = is_near(joint.anchor) && (joint.axis.length() - 1.0).abs() < UNIT_TOLERANCE;
-            if !is_placed || !numbers.iter().all(|number| number.is_finite()) || joint.limits[0] > joint.limits[1] {
-                return Err(broken(format!("joint '{name}': expected a unit axis and ascending limits")));
+            let numbers =
+                [joint.limits[0], joint.limits[1], joint.start, joint.brake, joint.spring];
+            let is_placed =
+                is_near(joint.anchor) && (joint.axis.length() - 1.0).abs() < UNIT_TOLERANCE;
+            if !is_placed
+                || !numbers.iter().all(|number| number.is_finite())
+                || joint.limits[0] > joint.limits[1]
+            {
+                return Err(broken(format!(
+                    "joint '{name}': expected a unit axis and ascending limits"
+                )));
             }
         }
         let is_absent = |condition: &Condition| match *condition {
             Condition::JointMoved { joint, .. } => self.joints.get(joint).is_none(),
-            Condition::BodyInZone { body, .. } | Condition::BodyOutsideZone { body, .. } | Condition::Grasped { body } => {
-                no_body(body)
-            }
+            Condition::BodyInZone { body, .. }
+            | Condition::BodyOutsideZone { body, .. }
+            | Condition::Grasped { body } => no_body(body),
             Condition::GripInZone { .. } | Condition::NothingGrasped => false,
         };
         match self.success.iter().position(is_absent) {
-            Some(idx) => Err(broken(format!("success[{idx}]: names a body or joint that is not there"))),
+            Some(idx) => {
+                Err(broken(format!("success[{idx}]: names a body or joint that is not there")))
+            }
             None => Ok(()),
         }
     }
@@ -100,7 +131,8 @@ const UNIT_TOLERANCE: f32 = 1e-3;
 
 /// Most bodies of a scene: masks hold their indices in 16 bits, and no table has room for more.
 const MAX_BODIES: usize = 1000;
-/// Farthest that anything may be, and its greatest size, metres: squares and cubes of it are still ordinary numbers.
+/// Farthest that anything may be, and its greatest size, metres: squares and cubes of it are still
+/// ordinary numbers.
 const FAR: f32 = 100.0;
 /// Greatest mass and friction, kg and 1.
 const HEAVY: f32 = 1e5;
@@ -120,7 +152,9 @@ fn has_volume(shape: &Shape) -> bool {
         Shape::Sphere { radius } => above_zero(&[*radius]),
         Shape::Cuboid { half_extents } => above_zero(&half_extents.to_array()),
         Shape::Cylinder { radius, half_length } => above_zero(&[*radius, *half_length]),
-        Shape::Capsule { radius, half_length } => above_zero(&[*radius]) && (0.0..=FAR).contains(half_length),
+        Shape::Capsule { radius, half_length } => {
+            above_zero(&[*radius]) && (0.0..=FAR).contains(half_length)
+        }
         Shape::Convex { points } => points.len() >= 4 && points.iter().all(|point| is_near(*point)),
     }
 }
@@ -157,7 +191,8 @@ pub enum BodyKind {
     Graspable,
 }
 
-/// A hinge or slide with one degree of freedom; its coordinate is `start` at the bodies' start poses.
+/// A hinge or slide with one degree of freedom; its coordinate is `start` at the bodies' start
+/// poses.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointSpec {
@@ -234,10 +269,13 @@ impl Zone {
     #[must_use]
     pub fn contains(&self, point: Vec3) -> bool {
         match *self {
-            Self::Cuboid { pose, half_extents } => pose.inverse_transform_point(point).abs().cmple(half_extents).all(),
+            Self::Cuboid { pose, half_extents } => {
+                pose.inverse_transform_point(point).abs().cmple(half_extents).all()
+            }
             Self::Cylinder { center, radius, half_height } => {
                 let offset = point - center;
-                offset.x * offset.x + offset.y * offset.y <= radius * radius && offset.z.abs() <= half_height
+                offset.x * offset.x + offset.y * offset.y <= radius * radius
+                    && offset.z.abs() <= half_height
             }
         }
     }
@@ -313,17 +351,30 @@ mod tests {
             change(&mut scene);
             scene.check().expect_err("a broken scene").to_string()
         };
-        let broken_size = |scene: &mut SceneSpec| scene.bodies[0].parts[0].shape = Shape::Sphere { radius: -1.0 };
+        let broken_size =
+            |scene: &mut SceneSpec| scene.bodies[0].parts[0].shape = Shape::Sphere { radius: -1.0 };
         assert!(refusal(&broken_size).contains(&drawer().bodies[0].name));
         assert!(refusal(&|scene| scene.bodies[0].mass = f32::NAN).contains("mass"));
         assert!(refusal(&|scene| scene.bodies[0].mass = 1e30).contains("mass"));
-        assert!(refusal(&|scene| scene.bodies[0].pose.translation.x = 1e30).contains("up to 100 m"));
-        assert!(refusal(&|scene| scene.bodies = vec![scene.bodies[0].clone(); 2000]).contains("at most 1000, found 2000"));
+        assert!(
+            refusal(&|scene| scene.bodies[0].pose.translation.x = 1e30).contains("up to 100 m")
+        );
+        assert!(
+            refusal(&|scene| scene.bodies = vec![scene.bodies[0].clone(); 2000])
+                .contains("at most 1000, found 2000")
+        );
         assert!(refusal(&|scene| scene.joints[0].child = 99).contains("expected two bodies"));
         assert!(refusal(&|scene| scene.joints[0].axis = Vec3::ZERO).contains("unit axis"));
-        let braked_spring = |scene: &mut SceneSpec| (scene.joints[0].brake, scene.joints[0].spring) = (1.0, 1.0);
+        let braked_spring =
+            |scene: &mut SceneSpec| (scene.joints[0].brake, scene.joints[0].spring) = (1.0, 1.0);
         assert!(refusal(&braked_spring).contains("a brake or a spring"));
-        assert!(refusal(&|scene| scene.joints[0].latch = Some(Latch { joint: 99, min: 0.1 })).contains("latch"));
-        assert!(refusal(&|scene| scene.success = vec![Condition::Grasped { body: 99 }]).contains("success[0]"));
+        assert!(
+            refusal(&|scene| scene.joints[0].latch = Some(Latch { joint: 99, min: 0.1 }))
+                .contains("latch")
+        );
+        assert!(
+            refusal(&|scene| scene.success = vec![Condition::Grasped { body: 99 }])
+                .contains("success[0]")
+        );
     }
 }

@@ -1,7 +1,8 @@
 //! A world as bytes, from which it goes on bit by bit.
 //!
-//! Magic, version and digest, then in `postcard` the version of rapier, the robot and the state. A snapshot is for the program
-//! that made it and its like: a recorded episode ([`SceneSpec`](super::SceneSpec) and paths) outlives releases of rapier, this does not.
+//! Magic, version and digest, then in `postcard` the version of rapier, the robot and the state. A
+//! snapshot is for the program that made it and its like: a recorded episode
+//! ([`SceneSpec`](super::SceneSpec) and paths) outlives releases of rapier, this does not.
 //!
 //! The digest tells damage, not malice: rapier is not made for a state that someone has forged.
 
@@ -49,11 +50,27 @@ impl World {
     ///
     /// [`Error::Snapshot`] when something of the state has no representation.
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
-        let Self { physics, params, robot, spec, bodies, joints, fixed: _, balls: _, links, fingers, gripper, config } = self;
+        let Self {
+            physics,
+            params,
+            robot,
+            spec,
+            bodies,
+            joints,
+            fixed: _,
+            balls: _,
+            links,
+            fingers,
+            gripper,
+            config,
+        } = self;
         let origin: Origin<'_> = (rapier3d::VERSION, robot.name);
-        let state = (params, spec.as_ref(), bodies, joints, links, fingers, gripper, config, physics);
-        let payload = postcard::to_allocvec(&(origin, state)).map_err(|error| Error::Snapshot(error.to_string()))?;
-        let head = [&MAGIC[..], &VERSION.to_le_bytes(), &digest::of(&payload).to_le_bytes()].concat();
+        let state =
+            (params, spec.as_ref(), bodies, joints, links, fingers, gripper, config, physics);
+        let payload = postcard::to_allocvec(&(origin, state))
+            .map_err(|error| Error::Snapshot(error.to_string()))?;
+        let head =
+            [&MAGIC[..], &VERSION.to_le_bytes(), &digest::of(&payload).to_le_bytes()].concat();
         Ok([head, payload].concat())
     }
 
@@ -67,10 +84,16 @@ impl World {
         let ((rapier, name), state): (Origin<'_>, &[u8]) =
             postcard::take_from_bytes(payload).map_err(|error| unreadable(&error))?;
         if rapier != rapier3d::VERSION {
-            return Err(Error::Snapshot(format!("of rapier {rapier}, this program has {}", rapier3d::VERSION)));
+            return Err(Error::Snapshot(format!(
+                "of rapier {rapier}, this program has {}",
+                rapier3d::VERSION
+            )));
         }
         if name != robot.name {
-            return Err(Error::Snapshot(format!("of the robot `{name}`, expected `{}`", robot.name)));
+            return Err(Error::Snapshot(format!(
+                "of the robot `{name}`, expected `{}`",
+                robot.name
+            )));
         }
         let (state, rest) = postcard::take_from_bytes(state).map_err(|error| unreadable(&error))?;
         if !rest.is_empty() {
@@ -83,20 +106,38 @@ impl World {
         let (params, spec, bodies, joints, links, fingers, gripper, config, physics) = state;
         spec.check().map_err(|error| Error::Snapshot(error.to_string()))?;
         let handles = || bodies.iter().chain(&links).chain(&fingers);
-        if bodies.len() != spec.bodies.len() || !handles().all(|handle| physics.bodies.contains(*handle)) {
+        if bodies.len() != spec.bodies.len()
+            || !handles().all(|handle| physics.bodies.contains(*handle))
+        {
             return Err(Error::Snapshot("its bodies are not those of its scene".to_owned()));
         }
-        if joints.len() != spec.joints.len() || !joints.iter().all(|joint| physics.impulse_joints.contains(*joint)) {
+        if joints.len() != spec.joints.len()
+            || !joints.iter().all(|joint| physics.impulse_joints.contains(*joint))
+        {
             return Err(Error::Snapshot("its joints are not those of its scene".to_owned()));
         }
         let fixed = fixed_parts(&spec, &physics, &bodies).into();
         let balls = Balls::new(&physics, &spec, &links, &bodies).into();
-        Ok(Self { physics, params, robot, spec: Arc::new(spec), bodies, joints, fixed, balls, links, fingers, gripper, config })
+        Ok(Self {
+            physics,
+            params,
+            robot,
+            spec: Arc::new(spec),
+            bodies,
+            joints,
+            fixed,
+            balls,
+            links,
+            fingers,
+            gripper,
+            config,
+        })
     }
 }
 
 impl SimEnvironment {
-    /// This episode with its world as in the snapshot, after `step` macro actions: [`Self::at`] for bytes.
+    /// This episode with its world as in the snapshot, after `step` macro actions: [`Self::at`] for
+    /// bytes.
     ///
     /// # Errors
     ///
@@ -105,7 +146,9 @@ impl SimEnvironment {
         let world = World::from_bytes(bytes, self.world().robot())?;
         if world.spec() != self.world().spec() {
             let task = &world.spec().task;
-            return Err(Error::Snapshot(format!("of another scene than this episode's, of the task `{task}`")));
+            return Err(Error::Snapshot(format!(
+                "of another scene than this episode's, of the task `{task}`"
+            )));
         }
         Ok(self.at(world, step))
     }
@@ -114,7 +157,10 @@ impl SimEnvironment {
 /// What follows the header, if that is ours and the digest fits.
 fn checked_payload(bytes: &[u8]) -> Result<&[u8]> {
     let Some((head, payload)) = bytes.split_at_checked(HEADER) else {
-        return Err(Error::Snapshot(format!("has {} bytes, expected at least {HEADER}", bytes.len())));
+        return Err(Error::Snapshot(format!(
+            "has {} bytes, expected at least {HEADER}",
+            bytes.len()
+        )));
     };
     let (magic, rest) = head.split_at(MAGIC.len());
     if magic != MAGIC {
@@ -122,8 +168,11 @@ fn checked_payload(bytes: &[u8]) -> Result<&[u8]> {
     }
     let (version, stored) = rest.split_at(size_of::<u32>());
     if version != VERSION.to_le_bytes() {
-        let version = version.iter().rev().fold(0_u32, |value, byte| (value << 8) | u32::from(*byte));
-        return Err(Error::Snapshot(format!("version {version} is unknown, this program reads version {VERSION}")));
+        let version =
+            version.iter().rev().fold(0_u32, |value, byte| (value << 8) | u32::from(*byte));
+        return Err(Error::Snapshot(format!(
+            "version {version} is unknown, this program reads version {VERSION}"
+        )));
     }
     if stored != digest::of(payload).to_le_bytes() {
         return Err(Error::Snapshot("is damaged: its digest does not fit".to_owned()));
@@ -186,16 +235,31 @@ mod tests {
 
     #[test]
     fn a_restored_world_goes_on_bit_for_bit_with_its_grasp() {
-        for (task, robot) in ROBOTS.into_iter().flat_map(|robot| [("take_lid_off_saucepan", robot), ("open_drawer", robot)]) {
+        for (task, robot) in ROBOTS
+            .into_iter()
+            .flat_map(|robot| [("take_lid_off_saucepan", robot), ("open_drawer", robot)])
+        {
             let frames = frames(task, robot);
-            let held = frames.iter().find(|world| world.holding() != Holding::Nothing).expect("something is held");
+            let held = frames
+                .iter()
+                .find(|world| world.holding() != Holding::Nothing)
+                .expect("something is held");
             let mut original = held.clone();
-            let mut restored = World::from_bytes(&original.to_bytes().expect("bytes"), robot).expect("a world");
-            assert_eq!((restored.holding(), restored.hash()), (original.holding(), original.hash()));
+            let mut restored =
+                World::from_bytes(&original.to_bytes().expect("bytes"), robot).expect("a world");
+            assert_eq!(
+                (restored.holding(), restored.hash()),
+                (original.holding(), original.hash())
+            );
             for step in 0..200 {
                 lift(&mut original, step);
                 lift(&mut restored, step);
-                assert_eq!(restored.hash(), original.hash(), "{task} with {}: step {step}", robot.name);
+                assert_eq!(
+                    restored.hash(),
+                    original.hash(),
+                    "{task} with {}: step {step}",
+                    robot.name
+                );
             }
             assert_eq!(restored.holding(), original.holding());
         }
@@ -215,7 +279,10 @@ mod tests {
             world.hash()
         };
         let world = World::from_bytes(snapshot(), &XARM7).expect("a world");
-        assert_eq!(close(World::from_bytes(snapshot(), &XARM7).expect("a world")), close(world.clone()));
+        assert_eq!(
+            close(World::from_bytes(snapshot(), &XARM7).expect("a world")),
+            close(world.clone())
+        );
         assert_ne!(close(world.clone()), world.hash());
     }
 
@@ -224,21 +291,36 @@ mod tests {
         assert_eq!(refusal(snapshot(), &PANDA), "snapshot: of the robot `xarm7`, expected `panda`");
         let mut other = snapshot().to_vec();
         other[8] = 7;
-        assert_eq!(refusal(&other, &XARM7), "snapshot: version 7 is unknown, this program reads version 2");
+        assert_eq!(
+            refusal(&other, &XARM7),
+            "snapshot: version 7 is unknown, this program reads version 2"
+        );
         assert!(refusal(b"PK\x03\x04 something else entirely", &XARM7).contains("no snapshot"));
         assert!(refusal(b"LPR", &XARM7).contains("3 bytes"));
         let payload = postcard::to_allocvec(&("0.35.2", "xarm7")).expect("bytes");
         let error = refusal(&with_header(&payload), &XARM7);
-        assert_eq!(error, format!("snapshot: of rapier 0.35.2, this program has {}", rapier3d::VERSION));
+        assert_eq!(
+            error,
+            format!("snapshot: of rapier 0.35.2, this program has {}", rapier3d::VERSION)
+        );
     }
 
     #[test]
     fn an_episode_takes_a_snapshot_of_its_own_scene_only() {
         let env = environment("take_lid_off_saucepan", &XARM7);
         let there = env.at_snapshot(snapshot(), 1).expect("its own scene");
-        assert_eq!((there.steps_done(), there.world().to_bytes().expect("bytes").as_slice()), (1, snapshot()));
-        let error = environment("reach_target", &XARM7).at_snapshot(snapshot(), 1).expect_err("of another scene").to_string();
-        assert!(error.contains("another scene") && error.contains("take_lid_off_saucepan"), "{error}");
+        assert_eq!(
+            (there.steps_done(), there.world().to_bytes().expect("bytes").as_slice()),
+            (1, snapshot())
+        );
+        let error = environment("reach_target", &XARM7)
+            .at_snapshot(snapshot(), 1)
+            .expect_err("of another scene")
+            .to_string();
+        assert!(
+            error.contains("another scene") && error.contains("take_lid_off_saucepan"),
+            "{error}"
+        );
     }
 
     fn with_header(payload: &[u8]) -> Vec<u8> {

@@ -24,7 +24,8 @@ const AMPLITUDES: JointConfig = JointConfig([0.5, 0.0, 0.0, 0.2, 0.0, 0.0, 0.0])
 
 /// An xArm7 that sweeps sinusoidally over ten boxes on a table.
 ///
-/// The arm is kinematic, as everywhere in the simulator. `tests/peers/physics_mujoco.py` has the same scene for `MuJoCo`.
+/// The arm is kinematic, as everywhere in the simulator. `tests/peers/physics_mujoco.py` has the
+/// same scene for `MuJoCo`.
 #[derive(Debug, Clone)]
 pub struct ArmSweep {
     world: World,
@@ -54,7 +55,8 @@ impl ArmSweep {
         self.n_steps += 1;
         let phase = FREQUENCY * self.world.params().dt * self.n_steps as f32;
         let sine = libm::sinf(phase);
-        self.world.step(&JointConfig(core::array::from_fn(|j| XARM7.start[j] + AMPLITUDES[j] * sine)))
+        self.world
+            .step(&JointConfig(core::array::from_fn(|j| XARM7.start[j] + AMPLITUDES[j] * sine)))
     }
 
     /// What has become of it.
@@ -73,10 +75,25 @@ fn ten_boxes() -> SceneSpec {
         mass,
         friction: 0.5,
     };
-    let place = |idx: usize| Vec3::new(0.3 + SPACING * (idx % 5) as f32, 0.15 + SPACING * (idx / 5) as f32, HALF_SIDE);
-    let boxes = (0..BOXES).map(|idx| body(format!("box{idx}"), BodyKind::Dynamic, place(idx), Vec3::splat(HALF_SIDE), 0.1));
-    let table = body("table".to_owned(), BodyKind::Fixed, Vec3::new(0.45, 0.0, -0.02), Vec3::new(0.75, 0.85, 0.02), 0.0);
-    SceneSpec { task: "boxes".to_owned(), bodies: boxes.chain([table]).collect(), joints: Vec::new(), success: Vec::new() }
+    let place = |idx: usize| {
+        Vec3::new(0.3 + SPACING * (idx % 5) as f32, 0.15 + SPACING * (idx / 5) as f32, HALF_SIDE)
+    };
+    let boxes = (0..BOXES).map(|idx| {
+        body(format!("box{idx}"), BodyKind::Dynamic, place(idx), Vec3::splat(HALF_SIDE), 0.1)
+    });
+    let table = body(
+        "table".to_owned(),
+        BodyKind::Fixed,
+        Vec3::new(0.45, 0.0, -0.02),
+        Vec3::new(0.75, 0.85, 0.02),
+        0.0,
+    );
+    SceneSpec {
+        task: "boxes".to_owned(),
+        bodies: boxes.chain([table]).collect(),
+        joints: Vec::new(),
+        success: Vec::new(),
+    }
 }
 
 #[cfg(test)]
@@ -86,7 +103,8 @@ mod tests {
     #[test]
     fn boxes_stay_awake_and_where_they_are_while_the_arm_sweeps() {
         let mut sweep = ArmSweep::new(&SimParams::STANDARD).unwrap();
-        let start: Vec<_> = sweep.world().scene_items().map(|(_, pose, _)| pose.translation).collect();
+        let start: Vec<_> =
+            sweep.world().scene_items().map(|(_, pose, _)| pose.translation).collect();
         for step in 0..1000 {
             sweep.step().unwrap();
             let awake = sweep.world.physics.islands.active_bodies();
@@ -96,6 +114,9 @@ mod tests {
         for ((_, pose, _), start) in sweep.world().scene_items().zip(start) {
             assert!(pose.translation.distance(start) < 0.002, "{} from {start}", pose.translation);
         }
-        assert!(sweep.world().config().max_joint_distance(&XARM7.start) > 0.1, "the arm is on its way");
+        assert!(
+            sweep.world().config().max_joint_distance(&XARM7.start) > 0.1,
+            "the arm is on its way"
+        );
     }
 }

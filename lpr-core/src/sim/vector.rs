@@ -22,8 +22,9 @@ pub struct MacroAction {
 
 /// Environments of one task and robot, each in a scene of its own.
 ///
-/// Whatever is asked of all of them is answered in their order, with the same bits for any number of threads. Environments whose
-/// episode is over are reset when the caller says so: [`Self::reset_where`].
+/// Whatever is asked of all of them is answered in their order, with the same bits for any number
+/// of threads. Environments whose episode is over are reset when the caller says so:
+/// [`Self::reset_where`].
 ///
 /// ```
 /// use lpr_core::robot::{Gripper, XARM7};
@@ -69,7 +70,8 @@ impl VectorEnvironment {
     ) -> Result<Self> {
         let mut seeds: Vec<u64> = seeds.collect();
         let environment = |seed: &mut u64| SimEnvironment::new(task, robot, *seed, cameras, params);
-        let environments: Result<_> = map_each(&mut seeds, |_, seed| environment(seed)).into_iter().collect();
+        let environments: Result<_> =
+            map_each(&mut seeds, |_, seed| environment(seed)).into_iter().collect();
         Ok(Self { environments: environments? })
     }
 
@@ -85,13 +87,16 @@ impl VectorEnvironment {
         &mut self.environments
     }
 
-    /// Starts new episodes: the first environment in scene `first_seed`, each further one in the next scene.
+    /// Starts new episodes: the first environment in scene `first_seed`, each further one in the
+    /// next scene.
     ///
     /// # Errors
     ///
     /// When a scene cannot be placed; its environment then goes on in the old one.
     pub fn reset(&mut self, first_seed: u64) -> Result<()> {
-        map_each(&mut self.environments, |idx, env| env.reset(first_seed + idx as u64)).into_iter().collect()
+        map_each(&mut self.environments, |idx, env| env.reset(first_seed + idx as u64))
+            .into_iter()
+            .collect()
     }
 
     /// Starts a new episode in every environment that is given a scene seed.
@@ -105,7 +110,11 @@ impl VectorEnvironment {
     /// Unless there is one entry for each environment.
     pub fn reset_where(&mut self, seeds: &[Option<u64>]) -> Result<()> {
         self.assert_one_each(seeds.len());
-        map_each(&mut self.environments, |idx, env| seeds[idx].map_or(Ok(()), |seed| env.reset(seed))).into_iter().collect()
+        map_each(&mut self.environments, |idx, env| {
+            seeds[idx].map_or(Ok(()), |seed| env.reset(seed))
+        })
+        .into_iter()
+        .collect()
     }
 
     /// What each environment's cameras and arm report now.
@@ -121,7 +130,9 @@ impl VectorEnvironment {
     /// Unless there is one action for each environment.
     pub fn step(&mut self, actions: &[MacroAction]) -> Vec<StepResult> {
         self.assert_one_each(actions.len());
-        map_each(&mut self.environments, |idx, env| env.step(&actions[idx].path, actions[idx].gripper))
+        map_each(&mut self.environments, |idx, env| {
+            env.step(&actions[idx].path, actions[idx].gripper)
+        })
     }
 
     /// One control step in each environment.
@@ -134,25 +145,40 @@ impl VectorEnvironment {
         map_each(&mut self.environments, |idx, env| env.control_step(&actions[idx]))
     }
 
-    /// One control step in each environment, and what it sees after it: one round of threads instead of two.
+    /// One control step in each environment, and what it sees after it: one round of threads
+    /// instead of two.
     ///
     /// # Panics
     ///
     /// Unless there is one action for each environment.
-    pub fn control_step_and_observe(&mut self, actions: &[ControlAction]) -> Vec<(StepResult, Observation)> {
+    pub fn control_step_and_observe(
+        &mut self,
+        actions: &[ControlAction],
+    ) -> Vec<(StepResult, Observation)> {
         self.assert_one_each(actions.len());
-        map_each(&mut self.environments, |idx, env| (env.control_step(&actions[idx]), env.observe()))
+        map_each(&mut self.environments, |idx, env| {
+            (env.control_step(&actions[idx]), env.observe())
+        })
     }
 
     fn assert_one_each(&self, n: usize) {
-        assert!(n == self.environments.len(), "one entry for each of {} environments, got {n}", self.environments.len());
+        assert!(
+            n == self.environments.len(),
+            "one entry for each of {} environments, got {n}",
+            self.environments.len()
+        );
     }
 }
 
 /// What `f` makes of every item and its index, in order, computed by any number of threads.
 #[cfg(feature = "parallel")]
-fn map_each<T: Send, R: Send>(items: &mut [T], f: impl Fn(usize, &mut T) -> R + Sync + Send) -> Vec<R> {
-    use rayon::iter::{IndexedParallelIterator as _, IntoParallelRefMutIterator as _, ParallelIterator as _};
+fn map_each<T: Send, R: Send>(
+    items: &mut [T],
+    f: impl Fn(usize, &mut T) -> R + Sync + Send,
+) -> Vec<R> {
+    use rayon::iter::{
+        IndexedParallelIterator as _, IntoParallelRefMutIterator as _, ParallelIterator as _,
+    };
     items.par_iter_mut().enumerate().map(|(idx, item)| f(idx, item)).collect()
 }
 
@@ -203,7 +229,9 @@ mod tests {
         }
         envs.reset_where(&[None, Some(90), None, Some(91), None]).unwrap();
         results.extend(envs.step(&paths(&envs)));
-        results.extend(envs.control_step_and_observe(&turns(&envs)).into_iter().map(|(result, _)| result));
+        results.extend(
+            envs.control_step_and_observe(&turns(&envs)).into_iter().map(|(result, _)| result),
+        );
         let hashes = envs.environments().iter().map(|env| env.world().hash()).collect();
         (hashes, results, envs.observe())
     }
@@ -211,7 +239,8 @@ mod tests {
     #[cfg(feature = "parallel")]
     #[test]
     fn the_number_of_threads_changes_nothing() {
-        let with_threads = |n| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap().install(run);
+        let with_threads =
+            |n| rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap().install(run);
         assert_eq!(with_threads(1), with_threads(2));
     }
 

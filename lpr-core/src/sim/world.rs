@@ -42,7 +42,10 @@ pub struct World {
 
 impl core::fmt::Debug for World {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.debug_struct("World").field("task", &self.spec.task).field("config", &self.config).finish_non_exhaustive()
+        f.debug_struct("World")
+            .field("task", &self.spec.task)
+            .field("config", &self.config)
+            .finish_non_exhaustive()
     }
 }
 
@@ -52,13 +55,25 @@ impl World {
     /// # Errors
     ///
     /// When a joint of the scene joins a body to itself or names one that is not there.
-    pub fn new(spec: Arc<SceneSpec>, robot: &'static Robot, config: JointConfig, params: &SimParams) -> Result<Self> {
+    pub fn new(
+        spec: Arc<SceneSpec>,
+        robot: &'static Robot,
+        config: JointConfig,
+        params: &SimParams,
+    ) -> Result<Self> {
         let mut physics = Physics::new(params);
-        let bodies: Vec<_> = spec.bodies.iter().map(|body| physics.insert_body(body, params)).collect();
+        let bodies: Vec<_> =
+            spec.bodies.iter().map(|body| physics.insert_body(body, params)).collect();
         let mut joints = Vec::with_capacity(spec.joints.len());
         for joint in &spec.joints {
-            let broken = || Error::Environment(format!("joint '{}' of task '{}' cannot be built", joint.name, spec.task));
-            let (parent, child) = bodies.get(joint.parent).zip(bodies.get(joint.child)).ok_or_else(broken)?;
+            let broken = || {
+                Error::Environment(format!(
+                    "joint '{}' of task '{}' cannot be built",
+                    joint.name, spec.task
+                ))
+            };
+            let (parent, child) =
+                bodies.get(joint.parent).zip(bodies.get(joint.child)).ok_or_else(broken)?;
             if parent == child {
                 return Err(broken());
             }
@@ -74,8 +89,9 @@ impl World {
         let grip = robot.grip(&config);
         let fingers = finger_poses(&grip, width, 0.0);
         let finger_parts = finger_parts(&robot.gripper);
-        let fingers =
-            core::array::from_fn(|side| physics.insert_robot_body(fingers[side], &finger_parts[side], params.pad_friction));
+        let fingers = core::array::from_fn(|side| {
+            physics.insert_robot_body(fingers[side], &finger_parts[side], params.pad_friction)
+        });
         let balls = Balls::new(&physics, &spec, &links, &bodies).into();
         Ok(Self {
             physics,
@@ -97,7 +113,8 @@ impl World {
     ///
     /// # Errors
     ///
-    /// The reason why the motion is no longer one that a real arm could make; the world has then taken the step.
+    /// The reason why the motion is no longer one that a real arm could make; the world has then
+    /// taken the step.
     pub fn step(&mut self, config: &JointConfig) -> Result<(), InvalidAction> {
         self.check_speed(config)?;
         let last = core::mem::replace(&mut self.config, *config);
@@ -112,22 +129,31 @@ impl World {
         self.physics.step();
         self.rest_fallen();
         self.update_grasp();
-        self.check_penetration(&core::array::from_fn(|idx| if idx < N_LINKS { frames[idx] } else { fingers[idx - N_LINKS] }))?;
+        self.check_penetration(&core::array::from_fn(|idx| {
+            if idx < N_LINKS { frames[idx] } else { fingers[idx - N_LINKS] }
+        }))?;
         self.check_forces()
     }
 
     /// A latch holds while its joint is at the start and what opens it has not moved far enough.
     fn update_latches(&mut self) {
         let spec = Arc::clone(&self.spec);
-        let moved = |world: &Self, joint: usize| (world.joint_position(joint) - spec.joints[joint].start).abs();
+        let moved = |world: &Self, joint: usize| {
+            (world.joint_position(joint) - spec.joints[joint].start).abs()
+        };
         for (idx, joint) in spec.joints.iter().enumerate() {
             let Some(latch) = joint.latch else { continue };
             let is_open = moved(self, idx) > LATCH_DEPTH || moved(self, latch.joint) > latch.min;
-            self.physics.set_latched(self.joints[idx], joint, if is_open { Latched::No } else { Latched::Yes });
+            self.physics.set_latched(
+                self.joints[idx],
+                joint,
+                if is_open { Latched::No } else { Latched::Yes },
+            );
         }
     }
 
-    /// The joint step against the robot's velocity limits: a kinematic arm would otherwise teleport.
+    /// The joint step against the robot's velocity limits: a kinematic arm would otherwise
+    /// teleport.
     fn check_speed(&self, config: &JointConfig) -> Result<(), InvalidAction> {
         for (j, joint) in self.robot.joints.iter().enumerate() {
             let speed = (config[j] - self.config[j]).abs() / self.params.dt;
@@ -201,7 +227,9 @@ impl World {
     fn joint_motion(&self, spec: &JointSpec) -> Pose3 {
         match self.spec.bodies[spec.parent].kind {
             BodyKind::Visual | BodyKind::Fixed => self.motion(spec.child),
-            BodyKind::Dynamic | BodyKind::Graspable => self.motion(spec.parent).inverse() * self.motion(spec.child),
+            BodyKind::Dynamic | BodyKind::Graspable => {
+                self.motion(spec.parent).inverse() * self.motion(spec.child)
+            }
         }
     }
 
@@ -211,7 +239,9 @@ impl World {
         let spec = &self.spec.joints[joint];
         let moved = self.joint_motion(spec);
         match spec.kind {
-            JointKind::Prismatic => spec.start + (moved.transform_point(spec.anchor) - spec.anchor).dot(spec.axis),
+            JointKind::Prismatic => {
+                spec.start + (moved.transform_point(spec.anchor) - spec.anchor).dot(spec.axis)
+            }
             JointKind::Revolute => {
                 let rotation = moved.rotation;
                 let along = Vec3::new(rotation.x, rotation.y, rotation.z).dot(spec.axis);
@@ -230,7 +260,8 @@ impl World {
         (0..self.joints.len()).map(|joint| self.joint_position(joint)).collect()
     }
 
-    /// How far a joint's child is off its axis now: metres at the anchor and radians, without the free motion.
+    /// How far a joint's child is off its axis now: metres at the anchor and radians, without the
+    /// free motion.
     #[must_use]
     pub fn joint_deviation(&self, joint: usize) -> (f32, f32) {
         let spec = &self.spec.joints[joint];
@@ -243,7 +274,8 @@ impl World {
                 Pose3::from_translation(spec.anchor) * turn * Pose3::from_translation(-spec.anchor)
             }
         };
-        let shift = moved.transform_point(spec.anchor).distance(expected.transform_point(spec.anchor));
+        let shift =
+            moved.transform_point(spec.anchor).distance(expected.transform_point(spec.anchor));
         (shift, moved.rotation.angle_between(expected.rotation))
     }
 
@@ -255,10 +287,18 @@ impl World {
 
     fn holds(&self, condition: &Condition) -> bool {
         match condition {
-            Condition::JointMoved { joint, min } => (self.joint_position(*joint) - self.spec.joints[*joint].start).abs() > *min,
-            Condition::BodyInZone { body, point, zone } => zone.contains(self.body_pose(*body).transform_point(*point)),
-            Condition::BodyOutsideZone { body, point, zone } => !zone.contains(self.body_pose(*body).transform_point(*point)),
-            Condition::GripInZone { zone } => zone.contains(self.robot.grip(&self.config).translation),
+            Condition::JointMoved { joint, min } => {
+                (self.joint_position(*joint) - self.spec.joints[*joint].start).abs() > *min
+            }
+            Condition::BodyInZone { body, point, zone } => {
+                zone.contains(self.body_pose(*body).transform_point(*point))
+            }
+            Condition::BodyOutsideZone { body, point, zone } => {
+                !zone.contains(self.body_pose(*body).transform_point(*point))
+            }
+            Condition::GripInZone { zone } => {
+                zone.contains(self.robot.grip(&self.config).translation)
+            }
             Condition::NothingGrasped => self.gripper.holding == Holding::Nothing,
             Condition::Grasped { body } => match self.gripper.holding {
                 Holding::Attached { body: held } => held == *body,
@@ -270,7 +310,11 @@ impl World {
 
     /// Every body of the scene with its pose now.
     pub fn scene_items(&self) -> impl Iterator<Item = (usize, Pose3, &[Part])> {
-        self.spec.bodies.iter().enumerate().map(|(idx, body)| (idx, self.body_pose(idx), body.parts.as_slice()))
+        self.spec
+            .bodies
+            .iter()
+            .enumerate()
+            .map(|(idx, body)| (idx, self.body_pose(idx), body.parts.as_slice()))
     }
 
     /// Poses of the robot's frames and fingers now, in the order of [`World::robot_items`].
@@ -278,7 +322,8 @@ impl World {
         self.robot_poses_at(&self.config).into_iter()
     }
 
-    /// Poses of arm, hand and fingers if the arm stood at `config`, in the order of [`World::robot_items`].
+    /// Poses of arm, hand and fingers if the arm stood at `config`, in the order of
+    /// [`World::robot_items`].
     #[must_use]
     pub fn robot_poses_at(&self, config: &JointConfig) -> Vec<Pose3> {
         let (frames, grip) = self.robot.link_frames_and_grip(config);
@@ -304,7 +349,11 @@ impl World {
         };
         for handle in &self.bodies {
             let pose = self.physics.bodies[*handle].position();
-            pose.translation.to_array().into_iter().chain(pose.rotation.to_array()).for_each(&mut feed);
+            pose.translation
+                .to_array()
+                .into_iter()
+                .chain(pose.rotation.to_array())
+                .for_each(&mut feed);
         }
         (0..DOF).for_each(|j| feed(self.config[j]));
         feed(self.gripper.width);
@@ -318,7 +367,10 @@ impl World {
 
     /// Names of the robot's frames, then its fingers.
     pub(super) const fn robot_body_names() -> &'static [&'static str; N_LINKS + 2] {
-        &["base", "link1", "link2", "link3", "link4", "link5", "link6", "link7", "hand", "finger", "finger"]
+        &[
+            "base", "link1", "link2", "link3", "link4", "link5", "link6", "link7", "hand",
+            "finger", "finger",
+        ]
     }
 
     /// Links that can hit something, hand and fingers, with their indices.

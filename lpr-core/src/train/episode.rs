@@ -13,7 +13,8 @@ use crate::replay::{Decision, Step, Transition};
 
 use std::sync::Arc;
 
-/// A demonstration from one of its frames on, as a chain of keyframes; demo augmentation makes several of one recording.
+/// A demonstration from one of its frames on, as a chain of keyframes; demo augmentation makes
+/// several of one recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DemoEpisode {
     /// The keyframes that are reached one after the other; the last ends in success.
@@ -99,7 +100,13 @@ impl Episode {
     }
 
     /// Adds a step and what came of it.
-    pub(super) fn push(&mut self, action: &Action, observation: &Observation, seen: Seen, result: &StepResult) {
+    pub(super) fn push(
+        &mut self,
+        action: &Action,
+        observation: &Observation,
+        seen: Seen,
+        result: &StepResult,
+    ) {
         let (choice, value) = (Choice::new(action, observation, seen), action.chosen_value());
         self.steps.push(Taken { choice, value, reward: result.reward });
     }
@@ -138,7 +145,8 @@ impl Episode {
 
     /// What is reported of it, with `discount` (γ) for what came of each step.
     pub(super) fn log(&self, episode: u64, last: &StepResult, discount: f32) -> EpisodeLog {
-        let values = chosen_values(self.steps.iter().map(|taken| (taken.value, taken.reward)), discount);
+        let values =
+            chosen_values(self.steps.iter().map(|taken| (taken.value, taken.reward)), discount);
         let success = self.succeeded();
         EpisodeLog {
             episode,
@@ -152,15 +160,30 @@ impl Episode {
 }
 
 /// The steps of a demonstration into the buffers (line 3).
-pub(super) fn add_demonstration(demo: &DemoEpisode, agent: &Agent, learner: &mut Learner) -> Result<()> {
+pub(super) fn add_demonstration(
+    demo: &DemoEpisode,
+    agent: &Agent,
+    learner: &mut Learner,
+) -> Result<()> {
     if demo.steps.is_empty() {
-        return Err(Error::Shape { what: "demonstration", expected: "at least 1 step".to_owned(), found: "none".to_owned() });
+        return Err(Error::Shape {
+            what: "demonstration",
+            expected: "at least 1 step".to_owned(),
+            found: "none".to_owned(),
+        });
     }
     let steps: Vec<_> = demo.steps.iter().map(|step| Arc::new(demonstrated(step, agent))).collect();
     for (idx, step) in steps.iter().enumerate() {
         let next = steps.get(idx + 1).cloned();
         let reward = if next.is_none() { 1.0 } else { 0.0 };
-        let row = Row { step: Arc::clone(step), next, reward, truncated: false, episode_success: true, is_demo: true };
+        let row = Row {
+            step: Arc::clone(step),
+            next,
+            reward,
+            truncated: false,
+            episode_success: true,
+            is_demo: true,
+        };
         learner.push_path(&row);
         if let Some(attention) = &agent.networks.q_attention {
             learner.push_scene(&row, attention);

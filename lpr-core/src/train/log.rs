@@ -78,7 +78,8 @@ pub struct EpisodeLog {
     pub success: bool,
     /// Why not: the name of an invalid action, `timeout` or `not_done`.
     pub failure: Option<&'static str>,
-    /// Value of the path that ran and the discounted reward that came of it, for each step that ranked paths.
+    /// Value of the path that ran and the discounted reward that came of it, for each step that
+    /// ranked paths.
     pub values: Vec<ChosenValue>,
 }
 
@@ -92,7 +93,10 @@ pub struct ChosenValue {
 }
 
 /// Pairs the value of every step's path with the discounted rewards from that step on.
-pub(crate) fn chosen_values(steps: impl DoubleEndedIterator<Item = (Option<f32>, f32)>, discount: f32) -> Vec<ChosenValue> {
+pub(crate) fn chosen_values(
+    steps: impl DoubleEndedIterator<Item = (Option<f32>, f32)>,
+    discount: f32,
+) -> Vec<ChosenValue> {
     let mut realised = 0.0;
     let with_realised = steps.rev().map(|(value, reward)| {
         realised = reward + discount * realised;
@@ -136,5 +140,8 @@ pub(super) fn write_episode(episode: &EpisodeLog, metrics: &mut Metrics) {
     metrics.push("episode/success", f32::from(u8::from(episode.success)));
     metrics.push("episode/steps", episode.steps as f32);
     metrics.push_mean("value/realised", episode.values.iter().map(|value| value.realised));
-    metrics.push_mean("value/error", episode.values.iter().map(|value| (value.expected - value.realised).abs()));
+    metrics.push_mean(
+        "value/error",
+        episode.values.iter().map(|value| (value.expected - value.realised).abs()),
+    );
 }

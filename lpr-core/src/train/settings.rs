@@ -42,7 +42,8 @@ pub struct TrainSettings {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Timeout {
-    /// The episode terminated: the target of its last step is the reward alone, as in the released code.
+    /// The episode terminated: the target of its last step is the reward alone, as in the released
+    /// code.
     Terminal,
     /// The episode was cut off: the target of its last step bootstraps like any other.
     Truncated,
@@ -58,7 +59,10 @@ impl TrainSettings {
         let rules = [
             (self.q_attention_batch >= 1, "q_attention_batch: at least 1"),
             (self.path_batch >= 1, "path_batch: at least 1"),
-            (self.exploration.is_valid(), "exploration: probabilities are 0 to 1, a temperature is above 0"),
+            (
+                self.exploration.is_valid(),
+                "exploration: probabilities are 0 to 1, a temperature is above 0",
+            ),
             (self.cloud_spacing > 0.0, "cloud_spacing: above 0"),
             (self.validation_interval >= 1, "validation_interval: at least 1"),
             (self.validation_episodes >= 1, "validation_episodes: at least 1"),

@@ -28,14 +28,23 @@ pub(crate) fn config() -> Config {
 }
 
 pub(crate) fn run(method: Method, seed: u64) -> Run {
-    Run { task: "toy".to_owned(), method, poses: PoseSource::Oracle, backend: Backend::Flex, seed, cameras: default_cameras() }
+    Run {
+        task: "toy".to_owned(),
+        method,
+        poses: PoseSource::Oracle,
+        backend: Backend::Flex,
+        seed,
+        cameras: default_cameras(),
+    }
 }
 
 /// A trainer on the toy with a few demonstrations.
 pub(crate) fn trainer(config: Config, method: Method, seed: u64) -> Trainer<Toy> {
-    let mut trainer = Trainer::new(config, run(method, seed), Toy::new(&PANDA)).expect("valid settings");
+    let mut trainer =
+        Trainer::new(config, run(method, seed), Toy::new(&PANDA)).expect("valid settings");
     for demo in 0..3 {
-        let demo = Toy::new(&PANDA).demonstration(demonstration_scene(seed, demo)).expect("within reach");
+        let demo =
+            Toy::new(&PANDA).demonstration(demonstration_scene(seed, demo)).expect("within reach");
         trainer.add_demonstration(&demo).expect("several keyframes");
     }
     trainer
@@ -70,9 +79,12 @@ fn straight_lines_never_do_it_and_the_best_of_all_candidates_mostly_does() {
     assert_eq!(straight.successes, 0);
     assert_eq!(straight.failures, [("force", 60)].into());
     let random = trainer(config(), Method::Random, 0);
-    let best = best_of_all(random.agent(), &mut Toy::new(&PANDA), 1000..1020, |_| ()).expect("toy scenes");
-    let regret = measure_regret(random.agent(), &mut Toy::new(&PANDA), 1000..1020).expect("toy scenes");
-    let chosen = evaluate(random.agent(), &mut Toy::new(&PANDA), 1000..1020, |_| ()).expect("toy scenes");
+    let best =
+        best_of_all(random.agent(), &mut Toy::new(&PANDA), 1000..1020, |_| ()).expect("toy scenes");
+    let regret =
+        measure_regret(random.agent(), &mut Toy::new(&PANDA), 1000..1020).expect("toy scenes");
+    let chosen =
+        evaluate(random.agent(), &mut Toy::new(&PANDA), 1000..1020, |_| ()).expect("toy scenes");
     assert!(best.success_rate() >= 0.85, "{best:?}");
     // Each scene has one decisive step, in which the agent either succeeds or does not.
     assert!(regret.decisive_steps >= best.successes);
@@ -83,7 +95,11 @@ fn straight_lines_never_do_it_and_the_best_of_all_candidates_mostly_does() {
 fn fingerprint(seed: u64, n_steps: u64) -> (Vec<(&'static str, u32)>, Vec<u8>) {
     let mut trainer = trainer(config(), Method::Lpr, seed);
     let logs = train(&mut trainer, n_steps);
-    let metrics = logs.iter().flat_map(|log| log.metrics.iter()).map(|(name, value)| (name, value.to_bits())).collect();
+    let metrics = logs
+        .iter()
+        .flat_map(|log| log.metrics.iter())
+        .map(|(name, value)| (name, value.to_bits()))
+        .collect();
     (metrics, trainer.checkpoint().expect("a small seed").weights)
 }
 
@@ -128,8 +144,12 @@ impl Stuck {
     fn trainer(config: Config, goal: Vec3) -> Trainer<Self> {
         let mut toy = Toy::new(&PANDA);
         toy.reset(0).expect("within reach");
-        let goal = NextBestPose { gripper: Gripper::Open, pose: PANDA.grip(&PANDA.start).prepend_translation(goal) };
-        Trainer::new(config, run(Method::Lpr, 1), Self { toy, goal, n_goals: 100 }).expect("valid settings")
+        let goal = NextBestPose {
+            gripper: Gripper::Open,
+            pose: PANDA.grip(&PANDA.start).prepend_translation(goal),
+        };
+        Trainer::new(config, run(Method::Lpr, 1), Self { toy, goal, n_goals: 100 })
+            .expect("valid settings")
     }
 }
 
@@ -162,7 +182,10 @@ fn rows_of_one_episode(timeout: Timeout) -> Vec<Row> {
     config.training.transitions_before_updates = 1000;
     let mut trainer = Stuck::trainer(config, Vec3::new(0.0, 0.1, 0.0));
     let logs: Vec<_> = (0..EPISODE_LENGTH).map(|_| trainer.step().expect("a scene")).collect();
-    assert_eq!(logs[EPISODE_LENGTH - 1].episode.as_ref().and_then(|episode| episode.failure), Some("timeout"));
+    assert_eq!(
+        logs[EPISODE_LENGTH - 1].episode.as_ref().and_then(|episode| episode.failure),
+        Some("timeout")
+    );
     trainer.learner.paths.rows().to_vec()
 }
 
@@ -208,7 +231,9 @@ fn what_a_step_reports_fits_together() {
         let values = log.action.values.as_ref().expect("paths were ranked");
         assert_eq!(values.len(), log.action.set.candidates.len());
         assert_eq!(log.metrics.get("value/chosen"), log.action.chosen_value());
-        assert!(log.metrics.get("td_error").is_some() && log.metrics.get("losses/policy").is_some());
+        assert!(
+            log.metrics.get("td_error").is_some() && log.metrics.get("losses/policy").is_some()
+        );
         assert_eq!(log.episode.is_some(), log.metrics.get("episode/success").is_some());
         if let Some(episode) = &log.episode {
             let last = episode.values.last().expect("its steps were ranked");

@@ -1,7 +1,7 @@
 //! `/v1/jobs/{id}/events`: what happens to a job, as it happens, as server-sent events.
 //!
-//! A stream reads the history in the database at the pace of its reader: any number of them get the same events, however slow they
-//! are, and go on after a broken connection where they were.
+//! A stream reads the history in the database at the pace of its reader: any number of them get the
+//! same events, however slow they are, and go on after a broken connection where they were.
 
 use super::Api;
 use super::extract::{Parameters, job_id};
@@ -35,10 +35,11 @@ pub(super) struct StreamParameters {
 
 /// What happens to a job, as it happens
 ///
-/// Server-sent events, from the first or after a given one: `state` (as in the job's `transitions`), `metric` (a log point),
-/// `rewind` (`{"env_steps", "points"}`: the run went back to a checkpoint, and of its log points only the first `points` hold), and
-/// at last `end` (`{"state"}`), after which the stream closes. A stream that closes without `end` is to be asked for again with
-/// the `id` of the last event; after `end` the answer to that is 204.
+/// Server-sent events, from the first or after a given one: `state` (as in the job's
+/// `transitions`), `metric` (a log point), `rewind` (`{"env_steps", "points"}`: the run went back
+/// to a checkpoint, and of its log points only the first `points` hold), and at last `end`
+/// (`{"state"}`), after which the stream closes. A stream that closes without `end` is to be asked
+/// for again with the `id` of the last event; after `end` the answer to that is 204.
 #[utoipa::path(get, path = "/v1/jobs/{id}/events", tag = "jobs",
     params(("id" = String, Path, format = "uuid"), StreamParameters, ("Last-Event-ID" = Option<i64>, Header, minimum = 0)),
     responses(
@@ -59,7 +60,8 @@ pub(super) async fn stream(
         return Ok(StatusCode::NO_CONTENT.into_response());
     }
     let reader = Reader::new(api, job.id, after);
-    let events = Sse::new(events(reader)).keep_alive(KeepAlive::new().interval(PING_INTERVAL).text("ping"));
+    let events =
+        Sse::new(events(reader)).keep_alive(KeepAlive::new().interval(PING_INTERVAL).text("ping"));
     // A proxy that collects the stream would hold it back.
     let unbuffered = (HeaderName::from_static("x-accel-buffering"), "no");
     Ok(([unbuffered], events).into_response())
@@ -97,7 +99,15 @@ struct Reader {
 impl Reader {
     fn new(api: Api, job: JobId, after: i64) -> Self {
         let changes = api.store.changes();
-        Self { store: api.store, changes, phase: api.phase, job, after, batch: Vec::new().into_iter(), has_ended: false }
+        Self {
+            store: api.store,
+            changes,
+            phase: api.phase,
+            job,
+            after,
+            batch: Vec::new().into_iter(),
+            has_ended: false,
+        }
     }
 
     /// The next event, once it is there; none after the last, and when the server stops.

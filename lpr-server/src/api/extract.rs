@@ -22,18 +22,31 @@ impl<S: Send + Sync> FromRequest<S> for SpecBody {
     async fn from_request(request: Request, state: &S) -> Result<Self, Response> {
         let is_json = is_json(request.headers());
         if !is_json {
-            return Err(Problem::new(Code::UnsupportedMediaType, "Content-Type: expected application/json").into_response());
+            return Err(Problem::new(
+                Code::UnsupportedMediaType,
+                "Content-Type: expected application/json",
+            )
+            .into_response());
         }
-        let bytes = Bytes::from_request(request, state).await.map_err(|rejection| rejection.into_response())?;
+        let bytes = Bytes::from_request(request, state)
+            .await
+            .map_err(|rejection| rejection.into_response())?;
         let spec: JobSpec = parse(&bytes).map_err(Problem::into_response)?;
-        spec.check().map_err(|error| Problem::of_body(error.pointer, error.detail).into_response())?;
+        spec.check()
+            .map_err(|error| Problem::of_body(error.pointer, error.detail).into_response())?;
         Ok(Self(spec))
     }
 }
 
 fn is_json(headers: &HeaderMap) -> bool {
-    let content_type = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
-    content_type.split(';').next().unwrap_or_default().trim().eq_ignore_ascii_case("application/json")
+    let content_type =
+        headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default();
+    content_type
+        .split(';')
+        .next()
+        .unwrap_or_default()
+        .trim()
+        .eq_ignore_ascii_case("application/json")
 }
 
 /// The value that the object in a body holds.
@@ -69,7 +82,8 @@ impl<T: DeserializeOwned, S: Send + Sync> FromRequestParts<S> for Parameters<T> 
 
     async fn from_request_parts(parts: &mut Parts, state: &S) -> Result<Self, Problem> {
         let found = Query::from_request_parts(parts, state).await;
-        let Query(parameters) = found.map_err(|rejection| Problem::new(Code::InvalidQuery, rejection.body_text()))?;
+        let Query(parameters) =
+            found.map_err(|rejection| Problem::new(Code::InvalidQuery, rejection.body_text()))?;
         Ok(Self(parameters))
     }
 }
@@ -85,7 +99,8 @@ pub(super) fn idempotency_key(headers: &HeaderMap) -> Result<Option<&str>, Probl
     match value.to_str() {
         Ok(key) if (1..=MAX_KEY_LEN).contains(&key.len()) => Ok(Some(key)),
         _ => {
-            let detail = format!("Idempotency-Key: expected 1 to {MAX_KEY_LEN} printable ASCII characters");
+            let detail =
+                format!("Idempotency-Key: expected 1 to {MAX_KEY_LEN} printable ASCII characters");
             Err(Problem::new(Code::InvalidHeader, detail))
         }
     }

@@ -12,7 +12,8 @@ use std::net::IpAddr;
 /// Most bytes of a foreign error's words.
 const MAX_WORDS: usize = 4096;
 
-/// Headers of every answer. The page runs WebAssembly, which may use threads where pages of other origins are kept out.
+/// Headers of every answer. The page runs WebAssembly, which may use threads where pages of other
+/// origins are kept out.
 const HEADERS: [(HeaderName, &str); 7] = [
     (
         header::CONTENT_SECURITY_POLICY,
@@ -70,15 +71,20 @@ pub(super) fn panicked(_: Box<dyn Any + Send>) -> Response {
     Problem::new(Code::Internal, "the server failed; its standard error says why").into_response()
 }
 
-/// Lets requests through that were made to this machine by name: not those that a page of another host made after its name came to
-/// stand for this machine, nor those that it made to this machine openly.
+/// Lets requests through that were made to this machine by name: not those that a page of another
+/// host made after its name came to stand for this machine, nor those that it made to this machine
+/// openly.
 pub(super) async fn local_only(request: Request, next: Next) -> Response {
     if !names_this_machine(request.uri(), request.headers()) {
         let detail = "Host: expected localhost or a loopback address";
         return Problem::new(Code::HostNotAllowed, detail).into_response();
     }
     if !is_of_this_origin(request.headers()) {
-        return Problem::new(Code::OriginNotAllowed, "Origin: pages of other hosts may not use this server").into_response();
+        return Problem::new(
+            Code::OriginNotAllowed,
+            "Origin: pages of other hosts may not use this server",
+        )
+        .into_response();
     }
     next.run(request).await
 }
@@ -104,7 +110,9 @@ fn is_loopback(host: &str) -> bool {
         None => host.split_once(':').map_or((host, Some("0")), |(name, port)| (name, Some(port))),
     };
     let is_port = port.is_some_and(|port| port.parse::<u16>().is_ok());
-    is_port && (name.eq_ignore_ascii_case("localhost") || name.parse::<IpAddr>().is_ok_and(|ip| ip.is_loopback()))
+    is_port
+        && (name.eq_ignore_ascii_case("localhost")
+            || name.parse::<IpAddr>().is_ok_and(|ip| ip.is_loopback()))
 }
 
 #[cfg(test)]
@@ -113,7 +121,15 @@ mod tests {
 
     #[test]
     fn names_of_this_machine_are_told_from_others() {
-        for host in ["localhost", "LocalHost:80", "127.0.0.1", "127.0.0.1:8080", "127.1.2.3:1", "[::1]", "[::1]:8080"] {
+        for host in [
+            "localhost",
+            "LocalHost:80",
+            "127.0.0.1",
+            "127.0.0.1:8080",
+            "127.1.2.3:1",
+            "[::1]",
+            "[::1]:8080",
+        ] {
             assert!(is_loopback(host), "{host}");
         }
         for host in [

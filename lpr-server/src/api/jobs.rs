@@ -42,7 +42,8 @@ pub(super) struct JobList {
     next_cursor: Option<String>,
 }
 
-/// The log points of a job, the lines of its `metrics.jsonl`. The answer is put together from those lines, which are JSON already.
+/// The log points of a job, the lines of its `metrics.jsonl`. The answer is put together from those
+/// lines, which are JSON already.
 #[derive(Debug, Serialize, ToSchema)]
 pub(super) struct Points {
     #[schema(value_type = Vec<Object>)]
@@ -59,7 +60,11 @@ pub(super) struct Points {
         (status = "4XX", description = "The request is refused", body = Problem, content_type = "application/problem+json"),
         (status = "5XX", description = "The server failed", body = Problem, content_type = "application/problem+json"),
     ))]
-pub(super) async fn submit(State(api): State<Api>, headers: HeaderMap, SpecBody(spec): SpecBody) -> Result<Response, Problem> {
+pub(super) async fn submit(
+    State(api): State<Api>,
+    headers: HeaderMap,
+    SpecBody(spec): SpecBody,
+) -> Result<Response, Problem> {
     let submitted = api.store.submit(&spec, idempotency_key(&headers)?).await?;
     let location = (header::LOCATION, format!("/v1/jobs/{}", submitted.id));
     Ok((StatusCode::CREATED, [location], json(submitted.body)).into_response())
@@ -77,10 +82,15 @@ pub(super) async fn list(
 ) -> Result<Json<JobList>, Problem> {
     let limit = parameters.limit.unwrap_or(DEFAULT_LIMIT);
     if !(1..=MAX_LIMIT).contains(&limit) {
-        return Err(Problem::new(Code::InvalidQuery, format!("limit: expected 1 to {MAX_LIMIT}, found {limit}")));
+        return Err(Problem::new(
+            Code::InvalidQuery,
+            format!("limit: expected 1 to {MAX_LIMIT}, found {limit}"),
+        ));
     }
     let before = parameters.cursor.map(|cursor| cursor.parse()).transpose();
-    let before = before.map_err(|_| Problem::new(Code::InvalidQuery, "cursor: expected the next_cursor of an earlier answer"))?;
+    let before = before.map_err(|_| {
+        Problem::new(Code::InvalidQuery, "cursor: expected the next_cursor of an earlier answer")
+    })?;
     let filter = Filter { state: parameters.state, task: parameters.task, before };
     let mut jobs = api.store.jobs(&filter, limit + 1).await?;
     let has_more = jobs.len() > limit as usize;
@@ -95,20 +105,27 @@ pub(super) async fn list(
     (status = "4XX", description = "The request is refused", body = Problem, content_type = "application/problem+json"),
     (status = "5XX", description = "The server failed", body = Problem, content_type = "application/problem+json"),
 ))]
-pub(super) async fn show(State(api): State<Api>, Path(id): Path<String>) -> Result<Json<Job>, Problem> {
+pub(super) async fn show(
+    State(api): State<Api>,
+    Path(id): Path<String>,
+) -> Result<Json<Job>, Problem> {
     Ok(Json(api.store.job(job_id(&id)?).await?))
 }
 
 /// Cancels a job
 ///
-/// A job that waits is cancelled at once, one that runs as soon as its process has ended. Cancelling again changes nothing.
+/// A job that waits is cancelled at once, one that runs as soon as its process has ended.
+/// Cancelling again changes nothing.
 #[utoipa::path(post, path = "/v1/jobs/{id}/cancel", tag = "jobs", params(("id" = String, Path, format = "uuid")), responses(
     (status = 200, description = "The job, cancelled or about to be", body = Job),
     (status = 409, description = "It has ended otherwise", body = Problem, content_type = "application/problem+json"),
     (status = "4XX", description = "The request is refused", body = Problem, content_type = "application/problem+json"),
     (status = "5XX", description = "The server failed", body = Problem, content_type = "application/problem+json"),
 ))]
-pub(super) async fn cancel(State(api): State<Api>, Path(id): Path<String>) -> Result<Json<Job>, Problem> {
+pub(super) async fn cancel(
+    State(api): State<Api>,
+    Path(id): Path<String>,
+) -> Result<Json<Job>, Problem> {
     Ok(Json(api.store.cancel(job_id(&id)?).await?))
 }
 
@@ -118,7 +135,10 @@ pub(super) async fn cancel(State(api): State<Api>, Path(id): Path<String>) -> Re
     (status = "4XX", description = "The request is refused", body = Problem, content_type = "application/problem+json"),
     (status = "5XX", description = "The server failed", body = Problem, content_type = "application/problem+json"),
 ))]
-pub(super) async fn metrics(State(api): State<Api>, Path(id): Path<String>) -> Result<impl IntoResponse, Problem> {
+pub(super) async fn metrics(
+    State(api): State<Api>,
+    Path(id): Path<String>,
+) -> Result<impl IntoResponse, Problem> {
     let job = api.store.job(job_id(&id)?).await?;
     let points = api.store.points(job.id).await?;
     Ok(json(format!(r#"{{"points":[{}]}}"#, points.join(","))))

@@ -1,9 +1,10 @@
 //! The REST API: training jobs over HTTP, and the page that shows them.
 //!
-//! Handlers by resource. Every error is a problem (RFC 9457), also those of axum; the OpenAPI document is made from the handlers.
+//! Handlers by resource. Every error is a problem (RFC 9457), also those of axum; the OpenAPI
+//! document is made from the handlers.
 //!
-//! There is no authentication: the server listens on a loopback address only, and refuses what pages of other hosts send to it.
-//! What is no HTTP at all is answered by hyper, with an empty 400.
+//! There is no authentication: the server listens on a loopback address only, and refuses what
+//! pages of other hosts send to it. What is no HTTP at all is answered by hyper, with an empty 400.
 
 #![expect(unused_qualifications, reason = "the code that utoipa makes of parameters")]
 

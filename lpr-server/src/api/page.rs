@@ -14,7 +14,10 @@ use tower_http::services::ServeDir;
 pub(super) async fn file(State(api): State<Api>, request: Request) -> Result<Response, Problem> {
     let index = api.page.join("index.html");
     if request.uri().path() == "/" && !index.is_file() {
-        let detail = format!("{} is missing: run `make page`, or choose the page's directory with --page", index.display());
+        let detail = format!(
+            "{} is missing: run `make page`, or choose the page's directory with --page",
+            index.display()
+        );
         return Err(Problem::new(Code::NoPage, detail));
     }
     let mut files = ServeDir::new(&api.page).precompressed_br().precompressed_gzip();
@@ -35,7 +38,9 @@ fn unreadable(error: &io::Error) -> Problem {
         | ErrorKind::PermissionDenied
         | ErrorKind::NotADirectory
         | ErrorKind::InvalidInput
-        | ErrorKind::InvalidFilename => Problem::new(Code::NotFound, "there is nothing at this address"),
+        | ErrorKind::InvalidFilename => {
+            Problem::new(Code::NotFound, "there is nothing at this address")
+        }
         _ => {
             report(&format!("a file of the page cannot be read: {error}"));
             Problem::new(Code::Internal, "the server failed; its standard error says why")

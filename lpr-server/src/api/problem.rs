@@ -23,7 +23,8 @@ pub enum Code {
     InvalidQuery,
     /// A header cannot be used.
     InvalidHeader,
-    /// The request names another host than this server: it may have been made by a page of that host.
+    /// The request names another host than this server: it may have been made by a page of that
+    /// host.
     HostNotAllowed,
     /// The request was made by a page of another host.
     OriginNotAllowed,
@@ -50,7 +51,9 @@ pub enum Code {
 impl Code {
     const fn status(self) -> StatusCode {
         match self {
-            Self::BadRequest | Self::InvalidJson | Self::InvalidQuery | Self::InvalidHeader => StatusCode::BAD_REQUEST,
+            Self::BadRequest | Self::InvalidJson | Self::InvalidQuery | Self::InvalidHeader => {
+                StatusCode::BAD_REQUEST
+            }
             Self::HostNotAllowed => StatusCode::MISDIRECTED_REQUEST,
             Self::OriginNotAllowed => StatusCode::FORBIDDEN,
             Self::NotFound | Self::NoSuchJob | Self::NoPage => StatusCode::NOT_FOUND,
@@ -146,11 +149,14 @@ impl IntoResponse for Problem {
 impl From<StoreError> for Problem {
     fn from(error: StoreError) -> Self {
         match error {
-            StoreError::NoSuchJob => Self::new(Code::NoSuchJob, "there is no job with this identifier"),
-            StoreError::Refused(refused) => Self::new(Code::JobEnded, refused.to_string()),
-            StoreError::KeyReused => {
-                Self::new(Code::IdempotencyKeyReused, "Idempotency-Key: came before with another body; choose a new one")
+            StoreError::NoSuchJob => {
+                Self::new(Code::NoSuchJob, "there is no job with this identifier")
             }
+            StoreError::Refused(refused) => Self::new(Code::JobEnded, refused.to_string()),
+            StoreError::KeyReused => Self::new(
+                Code::IdempotencyKeyReused,
+                "Idempotency-Key: came before with another body; choose a new one",
+            ),
             StoreError::Database(_) | StoreError::Unreadable { .. } | StoreError::Stale => {
                 crate::jobs::report(&error.to_string());
                 Self::new(Code::Internal, "the server failed; its standard error says why")

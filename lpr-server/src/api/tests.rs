@@ -32,8 +32,13 @@ struct Answer {
 impl Answer {
     async fn of(response: Response) -> Self {
         let (parts, body) = response.into_parts();
-        let body = timeout(Duration::from_secs(60), to_bytes(body, usize::MAX)).await.unwrap().unwrap();
-        Self { status: parts.status.as_u16(), headers: parts.headers, body: String::from_utf8(body.to_vec()).unwrap() }
+        let body =
+            timeout(Duration::from_secs(60), to_bytes(body, usize::MAX)).await.unwrap().unwrap();
+        Self {
+            status: parts.status.as_u16(),
+            headers: parts.headers,
+            body: String::from_utf8(body.to_vec()).unwrap(),
+        }
     }
 
     fn json(&self) -> Value {
@@ -47,12 +52,21 @@ impl Answer {
     /// Fails when it is anything but a problem of that status and code.
     #[track_caller]
     fn assert_problem(&self, status: u16, code: &str) -> Value {
-        assert_eq!(self.header("content-type"), "application/problem+json", "{}: {}", self.status, self.body);
+        assert_eq!(
+            self.header("content-type"),
+            "application/problem+json",
+            "{}: {}",
+            self.status,
+            self.body
+        );
         let problem = self.json();
         assert_eq!((self.status, problem["code"].as_str()), (status, Some(code)), "{problem}");
         assert_eq!(problem["status"], status);
         assert_eq!(problem["type"], format!("urn:lpr:problem:{code}"));
-        assert!(!problem["title"].as_str().unwrap().is_empty() && !problem["detail"].as_str().unwrap().is_empty());
+        assert!(
+            !problem["title"].as_str().unwrap().is_empty()
+                && !problem["detail"].as_str().unwrap().is_empty()
+        );
         problem
     }
 }
@@ -62,7 +76,8 @@ impl Service {
         let folder = tempfile::tempdir().unwrap();
         let store = SqliteStore::open(&folder.path().join("lpr.sqlite")).await.unwrap();
         let (phase, receiver) = watch::channel(Phase::Serving);
-        let app = app(Api { store: store.clone(), phase: receiver, page: folder.path().join("page") });
+        let app =
+            app(Api { store: store.clone(), phase: receiver, page: folder.path().join("page") });
         Self { folder, store, app, phase }
     }
 
@@ -104,12 +119,18 @@ async fn a_job_is_submitted_shown_listed_and_cancelled() {
     let submitted = service.submit(&reach()).await;
     let job = submitted.json();
     let id = job["id"].as_str().unwrap();
-    assert_eq!((submitted.status, submitted.header("location")), (201, format!("/v1/jobs/{id}").as_str()));
+    assert_eq!(
+        (submitted.status, submitted.header("location")),
+        (201, format!("/v1/jobs/{id}").as_str())
+    );
     let spec = json!({
         "task": "reach_target", "robot": "xarm7", "method": "lpr", "preset": "fast", "settings": null, "demos": null,
         "oracle_poses": false, "seed": 0, "env_steps": null, "minutes": 15.0, "stop_after_successes": null,
     });
-    assert_eq!((&job["state"], &job["reason"], &job["spec"]), (&json!("queued"), &Value::Null, &spec));
+    assert_eq!(
+        (&job["state"], &job["reason"], &job["spec"]),
+        (&json!("queued"), &Value::Null, &spec)
+    );
     assert_eq!(service.get(submitted.header("location")).await.json(), job);
     assert_eq!(service.get("/v1/jobs").await.json(), json!({"jobs": [job], "next_cursor": null}));
     let cancelled = service.post(&format!("/v1/jobs/{id}/cancel"), "").await;
@@ -190,7 +211,10 @@ async fn a_body_that_cannot_be_used_is_pointed_at() {
         service.post("/v1/jobs", body).await.assert_problem(status, code);
     }
     service.post("/v1/jobs", "[".repeat(1000)).await.assert_problem(422, "invalid_body");
-    service.post("/v1/jobs", format!(r#"{{"task": {}"#, "[".repeat(1000))).await.assert_problem(422, "invalid_body");
+    service
+        .post("/v1/jobs", format!(r#"{{"task": {}"#, "[".repeat(1000)))
+        .await
+        .assert_problem(422, "invalid_body");
     let nested = format!(r#"{{"task": "reach_target", "settings": {{"a": {}"#, "[".repeat(1000));
     service.post("/v1/jobs", nested).await.assert_problem(400, "invalid_json");
     service.post("/v1/jobs", &b"\"\xff\""[..]).await.assert_problem(400, "invalid_json");
@@ -201,11 +225,19 @@ async fn a_body_that_cannot_be_used_is_pointed_at() {
         (json!({"task": 7}), "/task", "invalid type: integer `7`, expected a string"),
         (json!({"task": "reach_target", "sede": 7}), "/sede", "unknown field `sede`"),
         (json!({"task": "reach_target", "seed": -1}), "/seed", "invalid value: integer `-1`"),
-        (json!({"task": "reach_target", "demos": 1.5}), "/demos", "invalid type: floating point `1.5`"),
+        (
+            json!({"task": "reach_target", "demos": 1.5}),
+            "/demos",
+            "invalid type: floating point `1.5`",
+        ),
         (json!({"task": "reach_target", "settings": []}), "/settings", "invalid type: sequence"),
         (json!({"task": "make_coffee"}), "/task", "known: reach_target"),
         (json!({"task": "reach_target", "minutes": -1}), "/minutes", "above 0, got -1"),
-        (json!({"task": "reach_target", "settings": {"a/b": 1}}), "/settings/a~1b", "unknown field `a/b`"),
+        (
+            json!({"task": "reach_target", "settings": {"a/b": 1}}),
+            "/settings/a~1b",
+            "unknown field `a/b`",
+        ),
     ] {
         let problem = service.submit(&body).await.assert_problem(422, "invalid_body");
         let [error] = &problem["errors"].as_array().unwrap()[..] else { panic!("{problem}") };
@@ -239,14 +271,22 @@ async fn a_job_that_has_ended_otherwise_cannot_be_cancelled() {
 async fn a_request_with_a_key_can_be_sent_again() {
     let service = Service::new().await;
     let submit = async |key: &str, body: &Value| {
-        let request = request("POST", "/v1/jobs").header(header::CONTENT_TYPE, "application/json; charset=utf-8");
-        service.answer(request.header("Idempotency-Key", key).body(body.to_string().into()).unwrap()).await
+        let request = request("POST", "/v1/jobs")
+            .header(header::CONTENT_TYPE, "application/json; charset=utf-8");
+        service
+            .answer(request.header("Idempotency-Key", key).body(body.to_string().into()).unwrap())
+            .await
     };
     let first = submit("a", &reach()).await;
     service.end_next(Change::Succeeded).await;
     let second = submit("a", &reach()).await;
-    assert_eq!((second.status, &second.body, second.header("location")), (201, &first.body, first.header("location")));
-    submit("a", &json!({"task": "reach_target", "seed": 1})).await.assert_problem(422, "idempotency_key_reused");
+    assert_eq!(
+        (second.status, &second.body, second.header("location")),
+        (201, &first.body, first.header("location"))
+    );
+    submit("a", &json!({"task": "reach_target", "seed": 1}))
+        .await
+        .assert_problem(422, "idempotency_key_reused");
     submit("", &reach()).await.assert_problem(400, "invalid_header");
     submit(&"k".repeat(256), &reach()).await.assert_problem(400, "invalid_header");
     assert_eq!(service.get("/v1/jobs").await.json()["jobs"].as_array().unwrap().len(), 1);
@@ -257,7 +297,9 @@ async fn pages_of_other_hosts_are_kept_out() {
     let service = Service::new().await;
     let answer = async |host: &str, origin: Option<&str>| {
         let request = Request::builder().uri("/v1/jobs").header(header::HOST, host);
-        let request = origin.into_iter().fold(request, |request, origin| request.header(header::ORIGIN, origin));
+        let request = origin
+            .into_iter()
+            .fold(request, |request, origin| request.header(header::ORIGIN, origin));
         service.answer(request.body(Body::empty()).unwrap()).await
     };
     answer("rebound.example:8080", None).await.assert_problem(421, "host_not_allowed");
@@ -266,7 +308,10 @@ async fn pages_of_other_hosts_are_kept_out() {
         answer("127.0.0.1:8080", Some(origin)).await.assert_problem(403, "origin_not_allowed");
     }
     assert_eq!(answer("localhost:8080", Some("http://localhost:5173")).await.status, 200);
-    let twice = request("GET", "/healthz").header(header::HOST, "evil.example").body(Body::empty()).unwrap();
+    let twice = request("GET", "/healthz")
+        .header(header::HOST, "evil.example")
+        .body(Body::empty())
+        .unwrap();
     service.answer(twice).await.assert_problem(421, "host_not_allowed");
     let absolute = request("GET", "http://evil.example/healthz").body(Body::empty()).unwrap();
     service.answer(absolute).await.assert_problem(421, "host_not_allowed");
@@ -275,7 +320,9 @@ async fn pages_of_other_hosts_are_kept_out() {
 #[tokio::test]
 async fn a_panic_is_a_problem_that_does_not_tell_what_is_inside() {
     let app = with_rules(Router::new().route("/", get(|| async { panic!("a secret") as () })));
-    let answer = Answer::of(app.oneshot(request("GET", "/").body(Body::empty()).unwrap()).await.unwrap()).await;
+    let answer =
+        Answer::of(app.oneshot(request("GET", "/").body(Body::empty()).unwrap()).await.unwrap())
+            .await;
     answer.assert_problem(500, "internal");
     assert!(!answer.body.contains("secret"), "{}", answer.body);
 }
@@ -296,7 +343,8 @@ async fn every_answer_has_the_headers_that_protect_it() {
         let answer = service.get(path).await;
         let policy = answer.header("content-security-policy");
         assert!(
-            policy.contains("default-src 'self'") && policy.contains("script-src 'self' 'wasm-unsafe-eval'"),
+            policy.contains("default-src 'self'")
+                && policy.contains("script-src 'self' 'wasm-unsafe-eval'"),
             "{path}: {policy}"
         );
         assert_eq!(answer.header("cross-origin-opener-policy"), "same-origin");
@@ -320,14 +368,23 @@ async fn the_page_is_served_and_its_absence_told() {
     write("lpr.wasm.gz", "gzip");
     let index = service.get("/").await;
     assert_eq!((index.status, index.body.as_str()), (200, "<!doctype html>"));
-    assert_eq!((index.header("content-type"), index.header("cache-control")), ("text/html", "no-cache"));
+    assert_eq!(
+        (index.header("content-type"), index.header("cache-control")),
+        ("text/html", "no-cache")
+    );
     for (accepted, body) in [("", "plain"), ("gzip", "gzip"), ("gzip, br", "brotli")] {
         let request = request("GET", "/lpr.wasm").header(header::ACCEPT_ENCODING, accepted);
         let answer = service.answer(request.body(Body::empty()).unwrap()).await;
-        assert_eq!((answer.body.as_str(), answer.header("content-type")), (body, "application/wasm"));
+        assert_eq!(
+            (answer.body.as_str(), answer.header("content-type")),
+            (body, "application/wasm")
+        );
     }
     service.get("/absent.js").await.assert_problem(404, "not_found");
-    let beyond = request("GET", "/index.html").header(header::RANGE, "bytes=900-").body(Body::empty()).unwrap();
+    let beyond = request("GET", "/index.html")
+        .header(header::RANGE, "bytes=900-")
+        .body(Body::empty())
+        .unwrap();
     service.answer(beyond).await.assert_problem(416, "bad_request");
 }
 
@@ -362,5 +419,8 @@ fn the_document_is_the_one_that_is_known() {
         fs::write(&path, &document).unwrap();
     }
     let known = fs::read_to_string(&path).unwrap_or_default();
-    assert!(document == known, "the API has changed: LPR_RENEW_GOLDEN=1 with this test writes tests/golden/openapi.json anew");
+    assert!(
+        document == known,
+        "the API has changed: LPR_RENEW_GOLDEN=1 with this test writes tests/golden/openapi.json anew"
+    );
 }

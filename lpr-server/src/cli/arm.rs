@@ -1,4 +1,5 @@
-//! Which arm a command of kinematics or planning is about: a built-in one or a description in files.
+//! Which arm a command of kinematics or planning is about: a built-in one or a description in
+//! files.
 
 use super::{Failure, Result};
 use crate::files::{self, FileError};
@@ -17,7 +18,8 @@ pub(super) struct ArmArguments {
     /// SRDF of a URDF file: its first group that is a chain, and which links may touch
     #[arg(long, value_name = "FILE")]
     srdf: Option<PathBuf>,
-    /// Link of a URDF file to count as its tip [default: that of the SRDF's group, else the only one]
+    /// Link of a URDF file to count as its tip [default: that of the SRDF's group, else the only
+    /// one]
     #[arg(long, value_name = "LINK")]
     tip: Option<String>,
 }
@@ -37,13 +39,17 @@ impl ArmArguments {
     pub(super) fn load(&self) -> Result<Arm> {
         let path = Path::new(&self.robot);
         if path.extension().is_none_or(|extension| extension != "urdf") {
-            if let Some(option) =
-                [("--srdf", self.srdf.is_some()), ("--tip", self.tip.is_some())].iter().find(|(_, given)| *given)
+            if let Some(option) = [("--srdf", self.srdf.is_some()), ("--tip", self.tip.is_some())]
+                .iter()
+                .find(|(_, given)| *given)
             {
-                return Err(Failure::Usage(format!("{}: only for a URDF file, --robot is {}", option.0, self.robot)));
+                return Err(Failure::Usage(format!(
+                    "{}: only for a URDF file, --robot is {}",
+                    option.0, self.robot
+                )));
             }
-            let robot =
-                Robot::by_name(&self.robot).map_err(|error| Failure::Usage(format!("--robot: {error}, or a FILE.urdf")))?;
+            let robot = Robot::by_name(&self.robot)
+                .map_err(|error| Failure::Usage(format!("--robot: {error}, or a FILE.urdf")))?;
             return Ok(Arm::new(Chain::from_robot(robot)));
         }
         let urdf = read_text(path)?;
@@ -63,12 +69,14 @@ impl Arm {
         Self { chain, closed_form, start }
     }
 
-    /// Refuses a file that is for another of the built-in arms. What other arms are called is up to whoever describes them.
+    /// Refuses a file that is for another of the built-in arms. What other arms are called is up to
+    /// whoever describes them.
     pub(super) fn check_name(&self, name: &str, path: &Path) -> Result<()> {
         match &self.closed_form {
-            Some(built_in) if built_in.name != name && Robot::by_name(name).is_ok() => {
-                Err(FileError::content(path, format!("robot: is {name}, --robot is {}", built_in.name)).into())
-            }
+            Some(built_in) if built_in.name != name && Robot::by_name(name).is_ok() => Err(
+                FileError::content(path, format!("robot: is {name}, --robot is {}", built_in.name))
+                    .into(),
+            ),
             _ => Ok(()),
         }
     }
@@ -77,11 +85,19 @@ impl Arm {
     pub(super) fn config(&self, values: &[f32], path: &Path, field: &str) -> Result<JointConfig> {
         let dof = self.chain.dof();
         if values.len() != dof {
-            let reason = format!("{field}: has {} joint angles, {} has {dof}", values.len(), self.chain.name);
+            let reason = format!(
+                "{field}: has {} joint angles, {} has {dof}",
+                values.len(),
+                self.chain.name
+            );
             return Err(FileError::content(path, reason).into());
         }
         if let Some(joint) = values.iter().position(|q| !q.is_finite()) {
-            return Err(FileError::content(path, format!("{field}[{joint}]: is not a finite number")).into());
+            return Err(FileError::content(
+                path,
+                format!("{field}[{joint}]: is not a finite number"),
+            )
+            .into());
         }
         let mut config = [0.0; DOF];
         config[..dof].copy_from_slice(values);
@@ -96,13 +112,19 @@ impl Arm {
 
 fn read_text(path: &Path) -> Result<String> {
     let bytes = files::read_bounded(path, MAX_BYTES)?;
-    Ok(String::from_utf8(bytes).map_err(|error| FileError::content(path, format!("is not UTF-8 text: {error}")))?)
+    Ok(String::from_utf8(bytes)
+        .map_err(|error| FileError::content(path, format!("is not UTF-8 text: {error}")))?)
 }
 
-/// A mesh next to the description, or in the package that its name begins with: the nearest folder above of that name or with it.
+/// A mesh next to the description, or in the package that its name begins with: the nearest folder
+/// above of that name or with it.
 fn find_mesh(folder: &Path, name: &str) -> Option<Vec<u8>> {
     let Some(in_package) = name.strip_prefix("package://") else {
-        return files::read_bounded(&folder.join(name.strip_prefix("file://").unwrap_or(name)), MAX_BYTES).ok();
+        return files::read_bounded(
+            &folder.join(name.strip_prefix("file://").unwrap_or(name)),
+            MAX_BYTES,
+        )
+        .ok();
     };
     let (_, inside) = in_package.split_once('/')?;
     let folder = folder.canonicalize().ok()?;

@@ -62,7 +62,8 @@ struct Row {
 pub(super) fn run(arguments: &Arguments) -> Result<Report> {
     if let Some(threads) = arguments.threads {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into());
-        pool.build_global().map_err(|error| Failure::Usage(format!("--threads {threads}: {error}")))?;
+        pool.build_global()
+            .map_err(|error| Failure::Usage(format!("--threads {threads}: {error}")))?;
     }
     let results = match arguments.subject {
         Subject::Networks => networks::run()?,
@@ -79,18 +80,27 @@ fn measure<T>(name: impl Into<Cow<'static, str>>, mut run: impl FnMut() -> T) ->
     black_box(run());
     let begin = Instant::now();
     let mut millis = Vec::new();
-    while millis.len() < MIN_RUNS || millis.len() < MAX_RUNS && begin.elapsed().as_secs_f64() < SECONDS {
+    while millis.len() < MIN_RUNS
+        || millis.len() < MAX_RUNS && begin.elapsed().as_secs_f64() < SECONDS
+    {
         let start = Instant::now();
         black_box(run());
         millis.push(start.elapsed().as_secs_f64() * 1e3);
     }
     millis.sort_by(f64::total_cmp);
     let (median_ms, min_ms) = (millis[millis.len() / 2], millis[0]);
-    Row { name: name.into(), threads: rayon::current_num_threads(), median_ms, min_ms, runs: millis.len() }
+    Row {
+        name: name.into(),
+        threads: rayon::current_num_threads(),
+        median_ms,
+        min_ms,
+        runs: millis.len(),
+    }
 }
 
 impl Row {
-    /// The same for one of `n` equal parts of a run: what is too short for the clock is measured in many.
+    /// The same for one of `n` equal parts of a run: what is too short for the clock is measured in
+    /// many.
     fn per(self, n: usize) -> Self {
         Self { median_ms: self.median_ms / n as f64, min_ms: self.min_ms / n as f64, ..self }
     }
@@ -110,7 +120,8 @@ fn agent(config: &Config, poses: PoseSource) -> Result<Agent> {
     Ok(Agent::new(config, &XARM7, Method::Lpr, networks))
 }
 
-/// Algorithm 1 from the next-best pose to the path that runs: obstacles, 20 planner, 20 Bézier and one policy path, ranked.
+/// Algorithm 1 from the next-best pose to the path that runs: obstacles, 20 planner, 20 Bézier and
+/// one policy path, ranked.
 fn candidates() -> Result<Row> {
     use lpr_core::agent::{Draws, Goal};
     let config = default_preset();
@@ -127,7 +138,11 @@ fn candidates() -> Result<Row> {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{:<40} {:>7} {:>12} {:>12} {:>6}", "name", "threads", "median ms", "least ms", "runs")?;
+        writeln!(
+            f,
+            "{:<40} {:>7} {:>12} {:>12} {:>6}",
+            "name", "threads", "median ms", "least ms", "runs"
+        )?;
         self.results.iter().try_for_each(|Row { name, threads, median_ms, min_ms, runs }| {
             writeln!(f, "{name:<40} {threads:>7} {median_ms:>12.6} {min_ms:>12.6} {runs:>6}")
         })

@@ -85,7 +85,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
 
 /// Demonstrates every episode; the files go to `directory`.
 fn demonstrate_all(arguments: &Arguments, directory: Option<&Path>) -> Result<Report> {
-    let Arguments { task: TaskArgument { task }, robot: RobotArgument { robot }, episodes, seed, quantised, .. } = arguments;
+    let Arguments {
+        task: TaskArgument { task },
+        robot: RobotArgument { robot },
+        episodes,
+        seed,
+        quantised,
+        ..
+    } = arguments;
     let mut report = Report {
         task: task.name,
         robot: robot.name,
@@ -107,7 +114,9 @@ fn demonstrate_all(arguments: &Arguments, directory: Option<&Path>) -> Result<Re
                 }
                 FailedEpisode::of(&demo, seed)
             }
-            Err(reason) => Some(FailedEpisode { scene_seed: seed, keyframe: None, reason, message: None }),
+            Err(reason) => {
+                Some(FailedEpisode { scene_seed: seed, keyframe: None, reason, message: None })
+            }
         };
         match failed {
             None => report.successes += 1,
@@ -122,9 +131,22 @@ fn demonstrate_all(arguments: &Arguments, directory: Option<&Path>) -> Result<Re
 
 /// The demonstration in scene `seed`, or why there is none.
 fn demonstrate_seed(arguments: &Arguments, seed: u64) -> Result<Demonstration, &'static str> {
-    let Arguments { task: TaskArgument { task }, robot: RobotArgument { robot }, quantised, variation, .. } = arguments;
-    let mut env = SimEnvironment::of_variation(task, *variation, robot, seed, &["front"], &SimParams::STANDARD)
-        .map_err(|_| "unplaceable")?;
+    let Arguments {
+        task: TaskArgument { task },
+        robot: RobotArgument { robot },
+        quantised,
+        variation,
+        ..
+    } = arguments;
+    let mut env = SimEnvironment::of_variation(
+        task,
+        *variation,
+        robot,
+        seed,
+        &["front"],
+        &SimParams::STANDARD,
+    )
+    .map_err(|_| "unplaceable")?;
     if arguments.friction_grasps {
         env = env.with_friction_grasps().expect("a scene that was built once");
     }
@@ -137,9 +159,12 @@ fn demonstrate_seed(arguments: &Arguments, seed: u64) -> Result<Demonstration, &
 /// The same scene with a demonstrator that goes where an agent could.
 fn quantise(env: &SimEnvironment, seed: u64) -> Result<SimEnvironment, &'static str> {
     let bounds = VoxelBounds::scene(env.world().robot());
-    let codec = ActionCodec::new(&default_preset().q_attention, bounds).expect("the preset's numbers fit together");
-    let goals: Option<Vec<NextBestPose>> = env.plan().goals.iter().map(|goal| codec.quantise(goal)).collect();
-    env.with_goals(&goals.ok_or("outside_voxels")?, &mut stream(seed, Stream::Demo, 1)).ok_or("unreachable")
+    let codec = ActionCodec::new(&default_preset().q_attention, bounds)
+        .expect("the preset's numbers fit together");
+    let goals: Option<Vec<NextBestPose>> =
+        env.plan().goals.iter().map(|goal| codec.quantise(goal)).collect();
+    env.with_goals(&goals.ok_or("outside_voxels")?, &mut stream(seed, Stream::Demo, 1))
+        .ok_or("unreachable")
 }
 
 impl FailedEpisode {
@@ -156,7 +181,18 @@ impl FailedEpisode {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { task, variation, robot, quantised, friction_grasps, episodes, successes, failures, failed, seconds } = self;
+        let Self {
+            task,
+            variation,
+            robot,
+            quantised,
+            friction_grasps,
+            episodes,
+            successes,
+            failures,
+            failed,
+            seconds,
+        } = self;
         let goals = if *quantised { "quantised" } else { "scripted" };
         let held = if *friction_grasps { ", held by friction" } else { "" };
         writeln!(
@@ -165,7 +201,9 @@ impl fmt::Display for Report {
         )?;
         failures.iter().try_for_each(|(reason, n)| writeln!(f, "  {n} {reason}"))?;
         for FailedEpisode { scene_seed, keyframe, reason, message } in failed {
-            let at = keyframe.map_or("before the first keyframe".to_owned(), |keyframe| format!("keyframe {keyframe}"));
+            let at = keyframe.map_or("before the first keyframe".to_owned(), |keyframe| {
+                format!("keyframe {keyframe}")
+            });
             writeln!(f, "  scene {scene_seed}, {at}: {}", message.as_deref().unwrap_or(reason))?;
         }
         Ok(())

@@ -9,7 +9,9 @@ use core::fmt;
 use core::ops::Range;
 use lpr_core::agent::{Agent, Init, Method, Networks, PoseSource};
 use lpr_core::config::Config;
-use lpr_core::evaluate::{Evaluation, Shown, best_of_all, evaluate, evaluate_shown, measure_regret};
+use lpr_core::evaluate::{
+    Evaluation, Shown, best_of_all, evaluate, evaluate_shown, measure_regret,
+};
 use lpr_core::nn::Backend;
 use lpr_core::perception::Camera;
 use lpr_core::robot::{ROBOTS, Robot};
@@ -46,7 +48,8 @@ pub(super) struct Arguments {
     /// The arm: xarm7 or panda [default: that of the run, else xarm7]
     #[arg(long, value_name = "NAME", value_parser = Robot::by_name)]
     robot: Option<&'static Robot>,
-    /// What the choice of poses looks at: what the cameras see, an image without points, or the start of another scene
+    /// What the choice of poses looks at: what the cameras see, an image without points, or the
+    /// start of another scene
     #[arg(long, value_enum, default_value_t = Observations::Own)]
     observations: Observations,
     /// Execute every candidate too: how far the chosen stays behind the best of all
@@ -54,7 +57,8 @@ pub(super) struct Arguments {
     regret: bool,
 }
 
-/// What the choice of poses looks at; the other two are ablations that an agent which uses its eyes must fail.
+/// What the choice of poses looks at; the other two are ablations that an agent which uses its eyes
+/// must fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Observations {
@@ -100,8 +104,10 @@ pub(super) fn simulator(
 ) -> Result<SimEnvironment> {
     /// Any scene: every episode is reset to its own.
     const FIRST_SCENE: u64 = 1000;
-    let cameras: Vec<_> = cameras.iter().map(|name| Camera::known_name(name)).collect::<Result<_, _>>()?;
-    let mut environment = SimEnvironment::new(task, robot, FIRST_SCENE, &cameras, &config.simulator)?;
+    let cameras: Vec<_> =
+        cameras.iter().map(|name| Camera::known_name(name)).collect::<Result<_, _>>()?;
+    let mut environment =
+        SimEnvironment::new(task, robot, FIRST_SCENE, &cameras, &config.simulator)?;
     environment.set_timing(config.timing.clone());
     Ok(environment)
 }
@@ -149,7 +155,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<EvalReport> {
 fn scene_seeds(arguments: &Arguments) -> Result<Range<u64>> {
     let Arguments { seed, episodes, .. } = arguments;
     let end = seed.checked_add(*episodes);
-    let too_large = || Failure::Usage(format!("--seed {seed}: leaves no {episodes} scene seeds below 2^64"));
+    let too_large =
+        || Failure::Usage(format!("--seed {seed}: leaves no {episodes} scene seeds below 2^64"));
     Ok(*seed..end.ok_or_else(too_large)?)
 }
 
@@ -168,7 +175,11 @@ fn subject(arguments: &Arguments) -> Result<Subject> {
         Some(run) => {
             let task = task(&arguments.subject)?;
             let subject = trained(arguments, run)?;
-            if subject.task.name == task.name { Ok(subject) } else { Err(foreign(run, "task", subject.task.name, task.name)) }
+            if subject.task.name == task.name {
+                Ok(subject)
+            } else {
+                Err(foreign(run, "task", subject.task.name, task.name))
+            }
         }
         None if arguments.oracle_poses => untrained(arguments),
         None => trained(arguments, Path::new(&arguments.subject)),
@@ -178,7 +189,8 @@ fn subject(arguments: &Arguments) -> Result<Subject> {
 /// The newest checkpoint of a run.
 fn trained(arguments: &Arguments, run: &Path) -> Result<Subject> {
     let mut saved = run_directory::latest_agent(run)?;
-    let task = Task::by_name(&saved.header.run.task).map_err(|error| FileError::content(run, error.to_string()))?;
+    let task = Task::by_name(&saved.header.run.task)
+        .map_err(|error| FileError::content(run, error.to_string()))?;
     let robot = saved.agent.robot();
     if let Some(asked) = arguments.robot
         && asked.name != robot.name
@@ -199,7 +211,8 @@ fn trained(arguments: &Arguments, run: &Path) -> Result<Subject> {
 }
 
 fn foreign(run: &Path, option: &str, found: &str, asked: &str) -> Failure {
-    FileError::content(run, format!("is a run of {option} `{found}`, asked to evaluate `{asked}`")).into()
+    FileError::content(run, format!("is a run of {option} `{found}`, asked to evaluate `{asked}`"))
+        .into()
 }
 
 fn task(name: &str) -> Result<&'static Task> {
@@ -213,9 +226,15 @@ fn untrained(arguments: &Arguments) -> Result<Subject> {
     let config = load_config("fast")?;
     let name = arguments.method.clone().unwrap_or_else(|| Method::C2fArm.name().to_owned());
     let unknown = |error: lpr_core::Error| Failure::Usage(format!("{error}, {BEST_OF_ALL}"));
-    let method = if name == BEST_OF_ALL { Method::Random } else { Method::by_name(&name).map_err(unknown)? };
+    let method = if name == BEST_OF_ALL {
+        Method::Random
+    } else {
+        Method::by_name(&name).map_err(unknown)?
+    };
     if method.has_ranker() {
-        let reason = format!("--method {name}: needs --checkpoint: a ranker without weights chooses at random");
+        let reason = format!(
+            "--method {name}: needs --checkpoint: a ranker without weights chooses at random"
+        );
         return Err(Failure::Usage(reason));
     }
     let init = Init { backend: Backend::Flex, seed: arguments.seed };
@@ -229,7 +248,10 @@ impl fmt::Display for EvalReport {
         let [low, high] = self.wilson95.map(|bound| 100.0 * bound);
         let rate = 100.0 * self.success_rate;
         let Self { task, method, episodes, successes, .. } = self;
-        writeln!(f, "{task} with {method}: {successes} of {episodes} episodes, {rate:.0} % (95 %: {low:.0} to {high:.0})")?;
+        writeln!(
+            f,
+            "{task} with {method}: {successes} of {episodes} episodes, {rate:.0} % (95 %: {low:.0} to {high:.0})"
+        )?;
         match self.observations {
             Observations::Own => {}
             Observations::Blank => writeln!(f, "poses chosen without any point of the scene")?,

@@ -35,7 +35,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{:>4}  {:>26}  rotation x y z w", "", "position x y z, m")?;
-        for (idx, PoseJson { position: [x, y, z], rotation_xyzw: [qx, qy, qz, qw] }) in self.poses.iter().enumerate() {
+        for (idx, PoseJson { position: [x, y, z], rotation_xyzw: [qx, qy, qz, qw] }) in
+            self.poses.iter().enumerate()
+        {
             writeln!(f, "{idx:>4}  {x:>8.4} {y:>8.4} {z:>8.4}  {qx:.4} {qy:.4} {qz:.4} {qw:.4}")?;
         }
         Ok(())

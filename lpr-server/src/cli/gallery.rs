@@ -36,6 +36,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}: {} tasks, pictures in {}", self.page.display(), self.tasks, self.directory.display())
+        write!(
+            f,
+            "{}: {} tasks, pictures in {}",
+            self.page.display(),
+            self.tasks,
+            self.directory.display()
+        )
     }
 }

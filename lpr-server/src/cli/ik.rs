@@ -14,8 +14,7 @@ use std::time::Instant;
 /// Solutions are distinct when a joint differs by more, radians modulo 2π.
 const MIN_DISTANCE: f32 = 0.1;
 
-const POSES_HELP: &str =
-    r#"Poses: {"poses": [{"position": [x, y, z], "rotation_xyzw": [x, y, z, w], "seed_config": [q1, …] (optional)}, …]}"#;
+const POSES_HELP: &str = r#"Poses: {"poses": [{"position": [x, y, z], "rotation_xyzw": [x, y, z, w], "seed_config": [q1, …] (optional)}, …]}"#;
 
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
@@ -23,7 +22,8 @@ pub(super) struct Arguments {
     arm: ArmArguments,
     #[arg(long, value_name = "FILE", help = POSES_HELP)]
     poses: PathBuf,
-    /// Distinct solutions wanted of each pose; a single one is the nearest to its seed configuration, else to the robot's start
+    /// Distinct solutions wanted of each pose; a single one is the nearest to its seed
+    /// configuration, else to the robot's start
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1000))]
     solutions: u16,
     /// Seed of the search for several solutions
@@ -50,23 +50,36 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
     let queries = formats::read_poses(&arguments.poses)?;
     let solve = |(idx, query): (usize, &PoseQuery)| {
         let near = match &query.seed_config {
-            Some(seed) => arm.config(seed, &arguments.poses, &format!("poses[{idx}].seed_config"))?,
+            Some(seed) => {
+                arm.config(seed, &arguments.poses, &format!("poses[{idx}].seed_config"))?
+            }
             None => arm.start,
         };
         let start = Instant::now();
-        let solutions = solutions(arguments, &arm, &Pose3::from(query.world_from_flange), &near, idx as u64);
+        let solutions =
+            solutions(arguments, &arm, &Pose3::from(query.world_from_flange), &near, idx as u64);
         let micros = start.elapsed().as_secs_f64() * 1e6;
         let reason = match solutions.len() {
             0 => Some("unreachable"),
             n if n < arguments.solutions.into() => Some("too_few_distinct"),
             _ => None,
         };
-        Ok(PoseResult { solutions: solutions.iter().map(|config| arm.joints(config)).collect(), micros, reason })
+        Ok(PoseResult {
+            solutions: solutions.iter().map(|config| arm.joints(config)).collect(),
+            micros,
+            reason,
+        })
     };
     Ok(Report { results: queries.iter().enumerate().map(solve).collect::<Result<_>>()? })
 }
 
-fn solutions(arguments: &Arguments, arm: &Arm, world_from_tip: &Pose3, near: &JointConfig, query_idx: u64) -> Vec<JointConfig> {
+fn solutions(
+    arguments: &Arguments,
+    arm: &Arm,
+    world_from_tip: &Pose3,
+    near: &JointConfig,
+    query_idx: u64,
+) -> Vec<JointConfig> {
     let n = arguments.solutions.into();
     let rng = &mut rng::stream(arguments.seed, Stream::Ik, query_idx);
     match &arm.closed_form {

@@ -1,7 +1,8 @@
 //! The command line: one file per command.
 //!
-//! A command returns a report, which is printed as one JSON object (`--json`) or as a short table. Exit status 0: done,
-//! 1: failed, 2: wrong usage. A failure is one line on standard error that names the value at fault.
+//! A command returns a report, which is printed as one JSON object (`--json`) or as a short table.
+//! Exit status 0: done, 1: failed, 2: wrong usage. A failure is one line on standard error that
+//! names the value at fault.
 
 mod arm;
 mod bench;
@@ -52,7 +53,11 @@ lpr: robot arms that learn manipulation from a few demonstrations on a CPU (C2F-
   lpr help [COMMAND]                          every command and option; --json prints one JSON object instead of a table";
 
 #[derive(Debug, Parser)]
-#[command(name = "lpr", version, about = "Robot arms that learn manipulation from a few demonstrations on a CPU")]
+#[command(
+    name = "lpr",
+    version,
+    about = "Robot arms that learn manipulation from a few demonstrations on a CPU"
+)]
 struct Cli {
     #[command(subcommand)]
     command: Option<Command>,
@@ -225,12 +230,17 @@ fn exit_status(done: Result<()>) -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             report_error(&failure.to_string());
-            if matches!(failure, Failure::Usage(_)) { WRONG_USAGE.into() } else { ExitCode::FAILURE }
+            if matches!(failure, Failure::Usage(_)) {
+                WRONG_USAGE.into()
+            } else {
+                ExitCode::FAILURE
+            }
         }
     }
 }
 
-/// Answers wrong usage with status 2, and `--help` and `--version`, which clap also calls errors, with 0.
+/// Answers wrong usage with status 2, and `--help` and `--version`, which clap also calls errors,
+/// with 0.
 fn refuse(error: &clap::Error) -> ExitCode {
     if !error.use_stderr() {
         return exit_status(print_line(error.to_string().trim_end()));
@@ -240,7 +250,11 @@ fn refuse(error: &clap::Error) -> ExitCode {
     let said: Vec<_> = message
         .split("\n\n")
         .map(str::trim)
-        .filter(|paragraph| !paragraph.is_empty() && !paragraph.starts_with("Usage:") && !paragraph.starts_with("For more"))
+        .filter(|paragraph| {
+            !paragraph.is_empty()
+                && !paragraph.starts_with("Usage:")
+                && !paragraph.starts_with("For more")
+        })
         .collect();
     let message = said.join("; ");
     report_error(message.strip_prefix("error: ").unwrap_or(&message));

@@ -37,10 +37,12 @@ pub(super) struct Arguments {
     /// Execute every candidate, each from the same snapshot
     #[arg(long)]
     execute: bool,
-    /// Standard deviation of the Bézier curves' middle points, metres [default: that of the preset fast]
+    /// Standard deviation of the Bézier curves' middle points, metres [default: that of the preset
+    /// fast]
     #[arg(long, value_name = "METRES")]
     sigma: Option<f32>,
-    /// Share of the planner's paths that are planned with collision checking on [default: that of the preset fast]
+    /// Share of the planner's paths that are planned with collision checking on [default: that of
+    /// the preset fast]
     #[arg(long, value_name = "SHARE")]
     collision_free_fraction: Option<f32>,
     /// With the screw motion of the grip besides, which no preset has
@@ -65,7 +67,10 @@ impl KeyframeChoice {
     fn parse(text: &str) -> Result<Self, String> {
         match text {
             "all" => Ok(Self::All),
-            number => number.parse().map(Self::One).map_err(|_| "expected a number from 0 or 'all'".to_owned()),
+            number => number
+                .parse()
+                .map(Self::One)
+                .map_err(|_| "expected a number from 0 or 'all'".to_owned()),
         }
     }
 
@@ -80,7 +85,10 @@ pub(super) fn check_keyframe(task: &Task, keyframe: usize) -> Result<()> {
     if keyframe <= last {
         return Ok(());
     }
-    Err(Failure::Usage(format!("--keyframe {keyframe}: the keyframes of {} are 0 to {last}", task.name)))
+    Err(Failure::Usage(format!(
+        "--keyframe {keyframe}: the keyframes of {} are 0 to {last}",
+        task.name
+    )))
 }
 
 #[derive(Debug, Serialize)]
@@ -176,15 +184,22 @@ struct Executed {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Report> {
-    let Arguments { task: TaskArgument { task }, robot: RobotArgument { robot }, episodes, .. } = arguments;
+    let Arguments { task: TaskArgument { task }, robot: RobotArgument { robot }, episodes, .. } =
+        arguments;
     if let KeyframeChoice::One(keyframe) = arguments.keyframe {
         check_keyframe(task, keyframe)?;
     }
     if arguments.abort_force.is_nan() || arguments.abort_force <= 0.0 {
-        return Err(Failure::Usage(format!("--abort-force {}: expected newtons above 0", arguments.abort_force)));
+        return Err(Failure::Usage(format!(
+            "--abort-force {}: expected newtons above 0",
+            arguments.abort_force
+        )));
     }
     if !(arguments.friction_scale.is_finite() && arguments.friction_scale >= 0.0) {
-        return Err(Failure::Usage(format!("--friction-scale {}: expected a number from 0", arguments.friction_scale)));
+        return Err(Failure::Usage(format!(
+            "--friction-scale {}: expected a number from 0",
+            arguments.friction_scale
+        )));
     }
     let proposer = Proposer::new(arguments)?;
     let mut skipped_seeds = Vec::new();
@@ -194,12 +209,17 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
             skipped_seeds.push(seed);
             continue;
         };
-        for (keyframe, snapshot) in snapshots.iter().enumerate().filter(|(keyframe, _)| arguments.keyframe.includes(*keyframe)) {
+        for (keyframe, snapshot) in snapshots
+            .iter()
+            .enumerate()
+            .filter(|(keyframe, _)| arguments.keyframe.includes(*keyframe))
+        {
             let streams = CandidateStreams { seed, step: keyframe as u64 };
             let (set, values) = proposer.propose(snapshot, streams)?;
-            let executed = arguments
-                .execute
-                .then(|| Executed { trials: snapshot.trials(&set), linear: snapshot.linear_trial(&proposer.settings) });
+            let executed = arguments.execute.then(|| Executed {
+                trials: snapshot.trials(&set),
+                linear: snapshot.linear_trial(&proposer.settings),
+            });
             drawn.push(Drawn { episode, keyframe, set, values, executed });
         }
     }
@@ -210,7 +230,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
         skipped_seeds,
         candidates: drawn.iter().flat_map(Drawn::rows).collect(),
         summary: summary(&drawn),
-        keyframes: (0..task.keyframes).filter_map(|keyframe| keyframe_row(keyframe, &drawn)).collect(),
+        keyframes: (0..task.keyframes)
+            .filter_map(|keyframe| keyframe_row(keyframe, &drawn))
+            .collect(),
     })
 }
 
@@ -228,30 +250,62 @@ impl Proposer {
         let Some(run) = &arguments.checkpoint else {
             let Config { simulator, timing, .. } = default_preset();
             let params = params(arguments, &simulator);
-            return Ok(Self { settings: settings(arguments)?, agent: None, cameras: vec!["front"], params, timing });
+            return Ok(Self {
+                settings: settings(arguments)?,
+                agent: None,
+                cameras: vec!["front"],
+                params,
+                timing,
+            });
         };
         let SavedAgent { header, agent } = load_agent(&run_directory::latest(run)?.1.weights)?;
         let robot = arguments.robot.robot.name;
         if header.robot != robot {
-            let reason = format!("--checkpoint {}: of the robot {}, asked for {robot}", run.display(), header.robot);
+            let reason = format!(
+                "--checkpoint {}: of the robot {}, asked for {robot}",
+                run.display(),
+                header.robot
+            );
             return Err(Failure::Usage(reason));
         }
-        let cameras = header.run.cameras.iter().map(|name| Camera::known_name(name)).collect::<Result<_, _>>()?;
+        let cameras = header
+            .run
+            .cameras
+            .iter()
+            .map(|name| Camera::known_name(name))
+            .collect::<Result<_, _>>()?;
         let Config { simulator, timing, .. } = header.config;
         let params = params(arguments, &simulator);
-        Ok(Self { settings: agent.candidate_settings().clone(), agent: Some(agent), cameras, params, timing })
+        Ok(Self {
+            settings: agent.candidate_settings().clone(),
+            agent: Some(agent),
+            cameras,
+            params,
+            timing,
+        })
     }
 
     /// The snapshots of the demonstration in scene `seed`; none when it fails.
-    fn snapshots(&self, task: &'static Task, robot: &'static Robot, seed: u64) -> Option<Vec<KeyframeSnapshot>> {
+    fn snapshots(
+        &self,
+        task: &'static Task,
+        robot: &'static Robot,
+        seed: u64,
+    ) -> Option<Vec<KeyframeSnapshot>> {
         let mut env = SimEnvironment::new(task, robot, seed, &self.cameras, &self.params).ok()?;
         env.set_timing(self.timing.clone());
         keyframe_snapshots(&env, seed)
     }
 
     /// The candidates with their values, if there is a ranker.
-    fn propose(&self, snapshot: &KeyframeSnapshot, streams: CandidateStreams) -> Result<(CandidateSet, Option<Vec<f32>>)> {
-        let Some(agent) = &self.agent else { return Ok((snapshot.candidates(&self.settings, streams), None)) };
+    fn propose(
+        &self,
+        snapshot: &KeyframeSnapshot,
+        streams: CandidateStreams,
+    ) -> Result<(CandidateSet, Option<Vec<f32>>)> {
+        let Some(agent) = &self.agent else {
+            return Ok((snapshot.candidates(&self.settings, streams), None));
+        };
         let observation = snapshot.env.clone().observe();
         let action = agent.act(&observation, Goal::from(snapshot.goal), Draws::greedy(streams))?;
         Ok((action.set, action.values))
@@ -261,7 +315,12 @@ impl Proposer {
 /// The simulator's settings with those of the command line.
 fn params(arguments: &Arguments, simulator: &SimParams) -> SimParams {
     let Arguments { abort_force, friction_scale, .. } = *arguments;
-    SimParams { abort_force, friction_scale, pad_friction: friction_scale * simulator.pad_friction, ..simulator.clone() }
+    SimParams {
+        abort_force,
+        friction_scale,
+        pad_friction: friction_scale * simulator.pad_friction,
+        ..simulator.clone()
+    }
 }
 
 fn settings(arguments: &Arguments) -> Result<CandidateSettings> {
@@ -307,8 +366,10 @@ impl Drawn {
                 ..blank(candidate.source)
             }
         });
-        let rejected =
-            set.rejected.iter().map(|rejected| CandidateRow { rejected: Some(rejected.reason.name()), ..blank(rejected.source) });
+        let rejected = set.rejected.iter().map(|rejected| CandidateRow {
+            rejected: Some(rejected.reason.name()),
+            ..blank(rejected.source)
+        });
         admitted.chain(rejected).collect()
     }
 
@@ -326,16 +387,21 @@ impl Drawn {
     fn shortest_free(&self) -> Option<f64> {
         let executed = self.executed.as_ref()?;
         let shortest = self.set.shortest_free();
-        let trial = shortest.and_then(|shortest| self.set.candidates.iter().position(|candidate| candidate == shortest));
+        let trial = shortest.and_then(|shortest| {
+            self.set.candidates.iter().position(|candidate| candidate == shortest)
+        });
         Some(is(trial.is_some_and(|idx| executed.trials[idx].success)))
     }
 
     fn linear(&self) -> Option<f64> {
-        self.executed.as_ref().map(|executed| is(executed.linear.as_ref().is_some_and(|trial| trial.success)))
+        self.executed
+            .as_ref()
+            .map(|executed| is(executed.linear.as_ref().is_some_and(|trial| trial.success)))
     }
 }
 
-/// Why an executed candidate did not succeed: what made it end, or that it did not do what the demonstrator did.
+/// Why an executed candidate did not succeed: what made it end, or that it did not do what the
+/// demonstrator did.
 fn failure(trial: &Trial) -> Option<&'static str> {
     (!trial.success).then(|| trial.result.invalid.map_or("not_done", |invalid| invalid.name()))
 }
@@ -364,11 +430,15 @@ fn summary(drawn: &[Drawn]) -> Summary {
 fn source_row(source: Source, drawn: &[Drawn]) -> SourceRow {
     let mut row = SourceRow::default();
     for Drawn { set, executed, .. } in drawn {
-        let admitted = set.candidates.iter().filter(|candidate| candidate.source == source).count() as u32;
+        let admitted =
+            set.candidates.iter().filter(|candidate| candidate.source == source).count() as u32;
         row.admitted += admitted;
-        row.drawn += admitted + set.rejected.iter().filter(|rejected| rejected.source == source).count() as u32;
+        row.drawn += admitted
+            + set.rejected.iter().filter(|rejected| rejected.source == source).count() as u32;
         if let Some(Executed { trials, .. }) = executed {
-            let successes = trials.iter().filter(|trial| trial.source == source && trial.success).count() as u32;
+            let successes =
+                trials.iter().filter(|trial| trial.source == source && trial.success).count()
+                    as u32;
             *row.successes.get_or_insert(0) += successes;
         }
     }
@@ -378,7 +448,8 @@ fn source_row(source: Source, drawn: &[Drawn]) -> SourceRow {
 /// The shares at one keyframe; none when no episode has it.
 fn keyframe_row(keyframe: usize, drawn: &[Drawn]) -> Option<KeyframeRow> {
     let here: Vec<_> = drawn.iter().filter(|drawn| drawn.keyframe == keyframe).collect();
-    let share = |of: &dyn Fn(&Drawn) -> Option<f64>| mean(here.iter().filter_map(|drawn| of(drawn)));
+    let share =
+        |of: &dyn Fn(&Drawn) -> Option<f64>| mean(here.iter().filter_map(|drawn| of(drawn)));
     Some(KeyframeRow {
         keyframe,
         snapshots: here.len(),
@@ -396,7 +467,11 @@ fn keyframe_row(keyframe: usize, drawn: &[Drawn]) -> Option<KeyframeRow> {
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { task, robot, episodes, skipped_seeds, keyframes, summary, .. } = self;
-        writeln!(f, "{task}, {robot}: {} of {episodes} episodes", *episodes as usize - skipped_seeds.len())?;
+        writeln!(
+            f,
+            "{task}, {robot}: {} of {episodes} episodes",
+            *episodes as usize - skipped_seeds.len()
+        )?;
         let rows = [Some(summary.planner), Some(summary.bezier), summary.screw, summary.policy];
         let rows = ["planner", "bezier", "screw", "policy"].into_iter().zip(rows);
         for (source, row) in rows.filter_map(|(source, row)| Some((source, row?))) {
@@ -404,11 +479,23 @@ impl fmt::Display for Report {
             row.successes.map_or(Ok(()), |successes| write!(f, " {successes:>5} successes"))?;
             writeln!(f)?;
         }
-        writeln!(f, "keyframe  episodes  candidates  linear  shortest-free  planner  bezier  random  best-of-all")?;
-        let percent = |share: Option<f64>| share.map_or("-".to_owned(), |share| format!("{:.0}%", 100.0 * share));
+        writeln!(
+            f,
+            "keyframe  episodes  candidates  linear  shortest-free  planner  bezier  random  best-of-all"
+        )?;
+        let percent = |share: Option<f64>| {
+            share.map_or("-".to_owned(), |share| format!("{:.0}%", 100.0 * share))
+        };
         for row in keyframes {
             write!(f, "{:>8}  {:>8}  {:>10.1}", row.keyframe, row.snapshots, row.admitted)?;
-            let shares = [row.linear, row.shortest_free, row.planner, row.bezier, row.random, row.best_of_all];
+            let shares = [
+                row.linear,
+                row.shortest_free,
+                row.planner,
+                row.bezier,
+                row.random,
+                row.best_of_all,
+            ];
             for (share, width) in shares.into_iter().zip([8, 15, 9, 8, 8, 13]) {
                 write!(f, "{:>width$}", percent(share))?;
             }

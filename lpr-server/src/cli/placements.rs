@@ -95,7 +95,8 @@ impl Place {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Report {
-    let Arguments { task: TaskArgument { task }, robot: RobotArgument { robot }, scenes, seed } = *arguments;
+    let Arguments { task: TaskArgument { task }, robot: RobotArgument { robot }, scenes, seed } =
+        *arguments;
     let placed = place_all(task, robot, seed, scenes);
     let reference = place_all(task, robot, REFERENCE_SEED, REFERENCE_FACTOR.saturating_mul(scenes));
     let (rejected, places): (Vec<_>, Vec<_>) = placed.iter().flatten().copied().unzip();
@@ -119,7 +120,12 @@ pub(super) fn run(arguments: &Arguments) -> Report {
 }
 
 /// For each scene, where it stands after which rejected draws; nothing when it cannot be placed.
-fn place_all(task: &'static Task, robot: &'static Robot, seed: u64, scenes: u32) -> Vec<Option<(Rejected, Place)>> {
+fn place_all(
+    task: &'static Task,
+    robot: &'static Robot,
+    seed: u64,
+    scenes: u32,
+) -> Vec<Option<(Rejected, Place)>> {
     let seeds: Vec<_> = scene_seeds(seed, scenes).collect();
     let place = |seed| {
         let placed = place(task, 0, robot, seed).ok()?;
@@ -131,9 +137,17 @@ fn place_all(task: &'static Task, robot: &'static Robot, seed: u64, scenes: u32)
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { task, robot, scenes, unplaced, cells, sectors, range_m: [x, y], .. } = self;
-        let [arm, reach] = [self.rejected_at_the_arm, self.rejected_out_of_reach].map(|share| 100.0 * share);
-        writeln!(f, "{task} with {robot}: {scenes} scenes, {unplaced} of them without a placement")?;
-        writeln!(f, "draws rejected: {:.1} % ({arm:.1} % at the arm, {reach:.1} % out of reach)", arm + reach)?;
+        let [arm, reach] =
+            [self.rejected_at_the_arm, self.rejected_out_of_reach].map(|share| 100.0 * share);
+        writeln!(
+            f,
+            "{task} with {robot}: {scenes} scenes, {unplaced} of them without a placement"
+        )?;
+        writeln!(
+            f,
+            "draws rejected: {:.1} % ({arm:.1} % at the arm, {reach:.1} % out of reach)",
+            arm + reach
+        )?;
         writeln!(
             f,
             "cells of 5 cm hit: {} of {}, sectors of 10 degrees: {} of {}",

@@ -4,7 +4,9 @@ use super::Result;
 use super::arm::{Arm, ArmArguments};
 use crate::problems::{self, Problem};
 use core::fmt;
-use lpr_core::path::{JointPath, Plan, PlannerKind, PlannerSettings, Rejection, RrtSettings, plan_with, simplify};
+use lpr_core::path::{
+    JointPath, Plan, PlannerKind, PlannerSettings, Rejection, RrtSettings, plan_with, simplify,
+};
 use lpr_core::rng::{self, Stream};
 use lpr_core::robot::JointConfig;
 use lpr_core::scene::{ArmSpheres, MotionChecker, Scene};
@@ -139,13 +141,21 @@ impl Query {
         let path = &arguments.problems;
         let start = arm.config(&problem.start, path, &format!("problems[{idx}].start"))?;
         let goals = problem.goals.iter().enumerate();
-        let goals = goals.map(|(i, goal)| arm.config(goal, path, &format!("problems[{idx}].goals[{i}]")));
+        let goals =
+            goals.map(|(i, goal)| arm.config(goal, path, &format!("problems[{idx}].goals[{i}]")));
         let goals = goals.collect::<Result<Vec<JointConfig>>>()?;
         let (scene, world_micros) = least_micros(arguments.repeats, || problem.scene(path, idx));
         Ok(Self { name: problem.name.clone(), start, goals, scene: scene?, world_micros })
     }
 
-    fn solve(&self, arguments: &Arguments, arm: &Arm, spheres: &ArmSpheres, planner: PlannerKind, idx: u64) -> ProblemResult {
+    fn solve(
+        &self,
+        arguments: &Arguments,
+        arm: &Arm,
+        spheres: &ArmSpheres,
+        planner: PlannerKind,
+        idx: u64,
+    ) -> ProblemResult {
         let ((plan, checks), planning_micros) = least_micros(arguments.repeats, || {
             let checker = MotionChecker::new(&self.scene, spheres, arguments.checks_per_radian);
             (self.plan(arguments, &checker, arm, planner, idx), checker.n_checks())
@@ -165,7 +175,11 @@ impl Query {
             reason: plan.as_ref().err().map(|reason| reason.name()),
         };
         if let Ok(Plan { path, .. }) = plan {
-            let path = if arguments.simplify { self.simplified(arguments, spheres, &path, &mut result) } else { path };
+            let path = if arguments.simplify {
+                self.simplified(arguments, spheres, &path, &mut result)
+            } else {
+                path
+            };
             result.cost = Some(path.length());
             result.path = Some(path.configs().iter().map(|config| arm.joints(config)).collect());
         }
@@ -189,7 +203,13 @@ impl Query {
         plan_with(planner, checker, &self.start, &self.goals, &PlannerSettings::standard(rrt), rng)
     }
 
-    fn simplified(&self, arguments: &Arguments, spheres: &ArmSpheres, path: &JointPath, result: &mut ProblemResult) -> JointPath {
+    fn simplified(
+        &self,
+        arguments: &Arguments,
+        spheres: &ArmSpheres,
+        path: &JointPath,
+        result: &mut ProblemResult,
+    ) -> JointPath {
         let ((path, checks), micros) = least_micros(arguments.repeats, || {
             let checker = MotionChecker::new(&self.scene, spheres, arguments.checks_per_radian);
             (simplify(path, &checker), checker.n_checks())
@@ -218,7 +238,8 @@ fn least_micros<T>(repeats: u32, mut run: impl FnMut() -> T) -> (T, f64) {
 impl Summary {
     fn of(results: &[ProblemResult]) -> Self {
         let solved: Vec<&ProblemResult> = results.iter().filter(|result| result.solved).collect();
-        let invalid = [Rejection::StartCollides, Rejection::GoalCollides, Rejection::OutsideLimits].map(|reason| reason.name());
+        let invalid = [Rejection::StartCollides, Rejection::GoalCollides, Rejection::OutsideLimits]
+            .map(|reason| reason.name());
         let planning = sorted(solved.iter().map(|result| result.planning_micros));
         let totals = sorted(solved.iter().map(|result| total_micros(result)));
         let costs = sorted(solved.iter().filter_map(|result| result.cost).map(f64::from));
@@ -227,7 +248,10 @@ impl Summary {
         Self {
             problems: results.len(),
             solved: solved.len(),
-            invalid: results.iter().filter(|result| result.reason.is_some_and(|reason| invalid.contains(&reason))).count(),
+            invalid: results
+                .iter()
+                .filter(|result| result.reason.is_some_and(|reason| invalid.contains(&reason)))
+                .count(),
             median_micros: percentile(&planning, 50),
             p95_micros: percentile(&planning, 95),
             p99_micros: percentile(&planning, 99),
@@ -258,21 +282,37 @@ fn percentile(sorted: &[f64], percent: usize) -> Option<f64> {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{:<28}{:>10}{:>10}{:>8}{:>7}  rad", "problem", "µs", "simplify", "checks", "cost")?;
+        writeln!(
+            f,
+            "{:<28}{:>10}{:>10}{:>8}{:>7}  rad",
+            "problem", "µs", "simplify", "checks", "cost"
+        )?;
         for result in &self.results {
-            let simplify = result.simplify_micros.map_or_else(String::new, |micros| format!("{micros:.0}"));
+            let simplify =
+                result.simplify_micros.map_or_else(String::new, |micros| format!("{micros:.0}"));
             let cost = result.cost.map_or_else(String::new, |cost| format!("{cost:.2}"));
             let ProblemResult { name, planning_micros, checks, reason, .. } = result;
             let reason = reason.unwrap_or_default();
-            writeln!(f, "{name:<28}{planning_micros:>10.0}{simplify:>10}{checks:>8}{cost:>7}  {reason}")?;
+            writeln!(
+                f,
+                "{name:<28}{planning_micros:>10.0}{simplify:>10}{checks:>8}{cost:>7}  {reason}"
+            )?;
         }
         let Summary { problems, solved, invalid, .. } = self.summary;
         write!(f, "{solved} of {problems} solved, {invalid} invalid")?;
-        let Summary { median_micros: Some(median), p95_micros: Some(p95), max_micros: Some(max), .. } = self.summary else {
+        let Summary {
+            median_micros: Some(median),
+            p95_micros: Some(p95),
+            max_micros: Some(max),
+            ..
+        } = self.summary
+        else {
             return writeln!(f);
         };
         writeln!(f, "; {median:.0} µs median, {p95:.0} µs for 95 %, {max:.0} µs at most")?;
-        if let Summary { median_total_micros: Some(total), median_cost: Some(cost), .. } = self.summary {
+        if let Summary { median_total_micros: Some(total), median_cost: Some(cost), .. } =
+            self.summary
+        {
             writeln!(f, "with simplification {total:.0} µs median; cost {cost:.2} rad median")?;
         }
         Ok(())

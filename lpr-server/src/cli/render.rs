@@ -1,5 +1,5 @@
-//! `lpr render`: a picture of a scene, or what the camera of an agent sees of it; a demonstration or an episode as an animation,
-//! with its candidate paths.
+//! `lpr render`: a picture of a scene, or what the camera of an agent sees of it; a demonstration
+//! or an episode as an animation, with its candidate paths.
 
 mod seen;
 
@@ -38,7 +38,8 @@ pub(super) struct Arguments {
     /// The task, one of `lpr tasks`
     #[arg(value_name = "TASK", value_parser = Task::by_name, required_unless_present_any = ["episode", "scene"])]
     task: Option<&'static Task>,
-    /// Draw a recorded episode as an animated GIF: the candidates of each step coloured by value, then what ran
+    /// Draw a recorded episode as an animated GIF: the candidates of each step coloured by value,
+    /// then what ran
     #[arg(long, value_name = "FILE", conflicts_with_all = ["task", "robot", "seed", "demo", "candidates", "keyframe"])]
     episode: Option<PathBuf>,
     /// Draw the scene of a file that `lpr scene` wrote
@@ -66,7 +67,8 @@ pub(super) struct Arguments {
     /// Draw the whole scripted demonstration as an animated GIF
     #[arg(long)]
     demo: bool,
-    /// Draw the grip's way along every candidate path, coloured by generator or by what its execution gave
+    /// Draw the grip's way along every candidate path, coloured by generator or by what its
+    /// execution gave
     #[arg(long, value_name = "COLOURS", num_args = 0..=1, default_missing_value = "source")]
     candidates: Option<Colours>,
     /// Draw the scene before this keyframe of the demonstration, counted from 0
@@ -100,7 +102,10 @@ pub(super) struct Report {
 }
 
 fn camera_help() -> String {
-    format!("Camera: {} or {BEAUTY} [default: front, of an episode {BEAUTY}]", CAMERA_NAMES.join(", "))
+    format!(
+        "Camera: {} or {BEAUTY} [default: front, of an episode {BEAUTY}]",
+        CAMERA_NAMES.join(", ")
+    )
 }
 
 fn parse_camera(name: &str) -> Result<String, String> {
@@ -113,14 +118,19 @@ fn parse_camera(name: &str) -> Result<String, String> {
 fn parse_size(text: &str) -> Result<Size, String> {
     let side = |text: &str| text.parse().ok().filter(|side| (16..=4096).contains(side));
     let sides = text.split_once('x').and_then(|(width, height)| side(width).zip(side(height)));
-    sides.map(|(width, height)| Size { width, height }).ok_or_else(|| "expected WIDTHxHEIGHT, 16 to 4096 each".to_owned())
+    sides
+        .map(|(width, height)| Size { width, height })
+        .ok_or_else(|| "expected WIDTHxHEIGHT, 16 to 4096 each".to_owned())
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Report> {
     let is_animation = arguments.demo || arguments.episode.is_some();
     let extension = if is_animation { "gif" } else { "png" };
     if arguments.out.extension().is_none_or(|found| found != extension) {
-        return Err(Failure::Usage(format!("--out {}: expected a name that ends in .{extension}", arguments.out.display())));
+        return Err(Failure::Usage(format!(
+            "--out {}: expected a name that ends in .{extension}",
+            arguments.out.display()
+        )));
     }
     if let Some(episode) = &arguments.episode {
         return render_episode(arguments, &EpisodeFile::read(episode)?);
@@ -142,7 +152,13 @@ fn start(arguments: &Arguments) -> Result<SimEnvironment> {
         return Err(Failure::Usage("expected a task, --scene FILE or --episode FILE".to_owned()));
     };
     paths::check_keyframe(task, arguments.keyframe)?;
-    Ok(SimEnvironment::new(task, arguments.robot.robot, arguments.seed, &["front"], &SimParams::STANDARD)?)
+    Ok(SimEnvironment::new(
+        task,
+        arguments.robot.robot,
+        arguments.seed,
+        &["front"],
+        &SimParams::STANDARD,
+    )?)
 }
 
 fn render_episode(arguments: &Arguments, episode: &EpisodeFile) -> Result<Report> {
@@ -154,7 +170,13 @@ fn render_episode(arguments: &Arguments, episode: &EpisodeFile) -> Result<Report
 
 fn written_gif(arguments: &Arguments, size: Size, pictures: &[Shown]) -> Result<Report> {
     images::write_gif(&arguments.out, size.width, size.height, pictures)?;
-    Ok(Report { file: arguments.out.clone(), width: size.width, height: size.height, frames: Some(pictures.len()), legend: None })
+    Ok(Report {
+        file: arguments.out.clone(),
+        width: size.width,
+        height: size.height,
+        frames: Some(pictures.len()),
+        legend: None,
+    })
 }
 
 fn render_scene(arguments: &Arguments, env: &SimEnvironment) -> Result<Report> {
@@ -183,15 +205,27 @@ fn render_seen(arguments: &Arguments, env: &mut SimEnvironment, show: Show) -> R
         *env = snapshots(arguments, env)?.remove(arguments.keyframe).env;
     }
     let noise = if arguments.noise { DepthNoise::STRUCTURED_LIGHT } else { DepthNoise::OFF };
-    let randomization = if arguments.randomize { Randomization::MODERATE } else { Randomization::OFF };
+    let randomization =
+        if arguments.randomize { Randomization::MODERATE } else { Randomization::OFF };
     env.set_sensing(Sensing { noise, randomization }, arguments.seed);
     let (pixels, legend) = seen::draw(env, show, camera, [size.width.into(), size.height.into()])?;
     written_png(arguments, size, &pixels, legend)
 }
 
-fn written_png(arguments: &Arguments, size: Size, pixels: &[[u8; 3]], legend: Option<Legend>) -> Result<Report> {
+fn written_png(
+    arguments: &Arguments,
+    size: Size,
+    pixels: &[[u8; 3]],
+    legend: Option<Legend>,
+) -> Result<Report> {
     images::write_png(&arguments.out, size.width.into(), size.height.into(), pixels)?;
-    Ok(Report { file: arguments.out.clone(), width: size.width, height: size.height, frames: None, legend })
+    Ok(Report {
+        file: arguments.out.clone(),
+        width: size.width,
+        height: size.height,
+        frames: None,
+        legend,
+    })
 }
 
 fn render_demo(arguments: &Arguments, env: &SimEnvironment) -> Result<Report> {
@@ -200,17 +234,23 @@ fn render_demo(arguments: &Arguments, env: &SimEnvironment) -> Result<Report> {
     let lines: Vec<_> = match arguments.candidates {
         Some(_) => {
             let snapshots = snapshots(arguments, env)?;
-            snapshots.iter().enumerate().map(|(keyframe, snapshot)| lines(arguments, snapshot, keyframe)).collect()
+            snapshots
+                .iter()
+                .enumerate()
+                .map(|(keyframe, snapshot)| lines(arguments, snapshot, keyframe))
+                .collect()
         }
         None => Vec::new(),
     };
-    let frames_per_picture = (GIF_PERIOD_MS as f32 / 1000.0 / env.world().params().control_dt).round().max(1.0) as usize;
+    let frames_per_picture =
+        (GIF_PERIOD_MS as f32 / 1000.0 / env.world().params().control_dt).round().max(1.0) as usize;
     let mut artist = Artist::new(arguments.camera.as_deref().unwrap_or(CAMERA_NAMES[0]), size);
     let mut pictures = Vec::new();
     for Moment { frame, world } in moments::of(&demo, frames_per_picture) {
         let keyframe = demo.waypoint_frames.partition_point(|&end| end <= frame);
         let lines = lines.get(keyframe).or(lines.last()).map_or(&[][..], Vec::as_slice);
-        pictures.push(Shown { pixels: draw(&mut artist, &world, lines)?.rgb, millis: GIF_PERIOD_MS });
+        pictures
+            .push(Shown { pixels: draw(&mut artist, &world, lines)?.rgb, millis: GIF_PERIOD_MS });
     }
     if let Some(last) = pictures.last_mut() {
         last.millis = END_MS;
@@ -219,7 +259,11 @@ fn render_demo(arguments: &Arguments, env: &SimEnvironment) -> Result<Report> {
 }
 
 /// The scene with its lines, and how many there are of each class.
-fn draw(artist: &mut Artist<'_>, world: &World, lines: &[(Line, &'static Class)]) -> Result<Picture> {
+fn draw(
+    artist: &mut Artist<'_>,
+    world: &World,
+    lines: &[(Line, &'static Class)],
+) -> Result<Picture> {
     let drawn: Vec<_> = lines.iter().map(|(line, _)| line.clone()).collect();
     let mut picture = artist.draw(world, &drawn)?;
     let counted = [&PLANNER, &BEZIER, &SUCCESS, &FAILURE].into_iter().filter_map(|class| {
@@ -232,7 +276,11 @@ fn draw(artist: &mut Artist<'_>, world: &World, lines: &[(Line, &'static Class)]
 
 fn snapshots(arguments: &Arguments, env: &SimEnvironment) -> Result<Vec<KeyframeSnapshot>> {
     keyframe_snapshots(env, arguments.seed).ok_or_else(|| {
-        let message = format!("the demonstration of {} in scene {} fails: choose another seed", env.task().name, arguments.seed);
+        let message = format!(
+            "the demonstration of {} in scene {} fails: choose another seed",
+            env.task().name,
+            arguments.seed
+        );
         lpr_core::Error::Environment(message).into()
     })
 }
@@ -252,23 +300,35 @@ static FAILURE: Class = Class { name: "fail", rgb: FAILURE_RGB, width: 0.7 };
 static SUCCESS: Class = Class { name: "succeed", rgb: SUCCESS_RGB, width: 1.5 };
 
 /// The candidates of a keyframe as lines, those that succeed last, so that they lie on top.
-fn lines(arguments: &Arguments, snapshot: &KeyframeSnapshot, keyframe: usize) -> Vec<(Line, &'static Class)> {
+fn lines(
+    arguments: &Arguments,
+    snapshot: &KeyframeSnapshot,
+    keyframe: usize,
+) -> Vec<(Line, &'static Class)> {
     let settings = default_preset().candidates;
     let streams = CandidateStreams { seed: arguments.seed, step: keyframe as u64 };
     let robot = snapshot.env.robot();
-    let line = |path: &JointPath, class: &'static Class| (Line::of(robot, path, class.rgb, class.width), class);
+    let line = |path: &JointPath, class: &'static Class| {
+        (Line::of(robot, path, class.rgb, class.width), class)
+    };
     match arguments.candidates {
         None => Vec::new(),
         Some(Colours::Source) => {
             let set = snapshot.candidates(&settings, streams);
-            set.candidates.iter().map(|candidate| line(&candidate.path, source_class(candidate.source))).collect()
+            set.candidates
+                .iter()
+                .map(|candidate| line(&candidate.path, source_class(candidate.source)))
+                .collect()
         }
         Some(Colours::Outcome) => {
             let trials = snapshot.execute_all(&settings, streams);
             let mut outcomes: Vec<_> = trials.set.candidates.iter().zip(&trials.trials).collect();
             outcomes.sort_by_key(|(_, trial)| trial.success);
             let class = |success| if success { &SUCCESS } else { &FAILURE };
-            outcomes.into_iter().map(|(candidate, trial)| line(&candidate.path, class(trial.success))).collect()
+            outcomes
+                .into_iter()
+                .map(|(candidate, trial)| line(&candidate.path, class(trial.success)))
+                .collect()
         }
     }
 }

@@ -28,13 +28,24 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
     let episode = EpisodeFile::read(&arguments.file)?;
     let Replayed { identical, world_hash } = episode.replay(|_, _| {})?;
     let (scene_seed, steps) = (episode.scene_seed, episode.steps.len());
-    Ok(Report { file: arguments.file.clone(), task: episode.scene.task, scene_seed, steps, identical, world_hash })
+    Ok(Report {
+        file: arguments.file.clone(),
+        task: episode.scene.task,
+        scene_seed,
+        steps,
+        identical,
+        world_hash,
+    })
 }
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { file, task, scene_seed, steps, identical, world_hash } = self;
         writeln!(f, "{}: {task}, scene {scene_seed}, {steps} steps", file.display())?;
-        writeln!(f, "{}: world {world_hash}", if *identical { "identical" } else { "not identical" })
+        writeln!(
+            f,
+            "{}: world {world_hash}",
+            if *identical { "identical" } else { "not identical" }
+        )
     }
 }

@@ -32,12 +32,21 @@ pub(super) struct Report {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Report> {
-    let Arguments { task: TaskArgument { task }, robot: RobotArgument { robot }, seed, out } = arguments;
-    let file = SceneFile::of(&SimEnvironment::new(task, robot, *seed, &["front"], &SimParams::STANDARD)?);
+    let Arguments { task: TaskArgument { task }, robot: RobotArgument { robot }, seed, out } =
+        arguments;
+    let file =
+        SceneFile::of(&SimEnvironment::new(task, robot, *seed, &["front"], &SimParams::STANDARD)?);
     file.write(out)?;
     let bodies = file.scene.bodies.into_iter().map(|body| body.name).collect();
     let joints = file.scene.joints.into_iter().map(|joint| joint.name).collect();
-    Ok(Report { file: out.clone(), task: task.name, robot: robot.name, seed: *seed, bodies, joints })
+    Ok(Report {
+        file: out.clone(),
+        task: task.name,
+        robot: robot.name,
+        seed: *seed,
+        bodies,
+        joints,
+    })
 }
 
 impl fmt::Display for Report {

@@ -36,11 +36,16 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments) -> Result<()> {
     let bind = arguments.bind;
     if !bind.ip().is_loopback() {
-        let message =
-            format!("--bind {bind}: only a loopback address for now, such as 127.0.0.1: there is no authentication yet");
+        let message = format!(
+            "--bind {bind}: only a loopback address for now, such as 127.0.0.1: there is no authentication yet"
+        );
         return Err(Failure::Usage(message));
     }
-    let runtime = runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().map_err(Failure::Server)?;
+    let runtime = runtime::Builder::new_multi_thread()
+        .worker_threads(2)
+        .enable_all()
+        .build()
+        .map_err(Failure::Server)?;
     runtime.block_on(serve(arguments))
 }
 
@@ -79,7 +84,8 @@ fn start_workers(
 /// Answers requests until the server stops, and those that have begun a little longer.
 async fn answer(listener: TcpListener, api: Api, phase: watch::Receiver<Phase>) -> io::Result<()> {
     let stopped = |mut phase: watch::Receiver<Phase>| async move { stopping(&mut phase).await };
-    let server = axum::serve(listener, api::app(api)).with_graceful_shutdown(stopped(phase.clone()));
+    let server =
+        axum::serve(listener, api::app(api)).with_graceful_shutdown(stopped(phase.clone()));
     let late = async {
         stopped(phase).await;
         tokio::time::sleep(GRACE).await;
@@ -93,7 +99,8 @@ async fn answer(listener: TcpListener, api: Api, phase: watch::Receiver<Phase>) 
 /// Changes to stopping when the process is asked to end.
 fn phase_of_signals() -> io::Result<watch::Receiver<Phase>> {
     use tokio::signal::unix::{SignalKind, signal};
-    let (mut interrupt, mut terminate) = (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?);
+    let (mut interrupt, mut terminate) =
+        (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?);
     let (phase, receiver) = watch::channel(Phase::Serving);
     tokio::spawn(async move {
         tokio::select! {

@@ -15,7 +15,11 @@ pub(super) fn run() -> Report {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "{:<36} {:>5} {:>9} {:>10}  description of variation 0", "task", "set", "keyframes", "variations")?;
+        writeln!(
+            f,
+            "{:<36} {:>5} {:>9} {:>10}  description of variation 0",
+            "task", "set", "keyframes", "variations"
+        )?;
         for TaskRow { name, set, description, keyframes, variations } in &self.0.tasks {
             let n_variations = variations.len().max(1);
             writeln!(f, "{name:<36} {set:>5} {keyframes:>9} {n_variations:>10}  {description}")?;

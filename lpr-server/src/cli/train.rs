@@ -110,25 +110,30 @@ impl ValidationPoint {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Report> {
-    let unusable = |option: &'static str| move |reason: String| lpr_core::Error::Config(format!("{option}: {reason}"));
+    let unusable = |option: &'static str| {
+        move |reason: String| lpr_core::Error::Config(format!("{option}: {reason}"))
+    };
     check_minutes(arguments.minutes).map_err(unusable("--minutes"))?;
     check_trainable(arguments.method).map_err(unusable("--method"))?;
     if arguments.until_stdin_closes {
         thread::spawn(end_with_stdin);
     }
-    let mut session = if arguments.resume { Session::resume(arguments)? } else { Session::create(arguments)? };
+    let mut session =
+        if arguments.resume { Session::resume(arguments)? } else { Session::create(arguments)? };
     let stopped_by = session.train()?;
     session.finish(stopped_by)
 }
 
-/// Ends the process when standard input has come to its end. What is being written then is left out, as after a kill.
+/// Ends the process when standard input has come to its end. What is being written then is left
+/// out, as after a kill.
 #[expect(clippy::exit, reason = "no one is left who would wait for the run to end in good order")]
 fn end_with_stdin() {
     let _ = io::copy(&mut io::stdin(), &mut io::sink());
     process::exit(1);
 }
 
-/// The preset of that name, or the file of that path; the table that says what a run was of is left out.
+/// The preset of that name, or the file of that path; the table that says what a run was of is left
+/// out.
 pub(super) fn load_config(preset: &str) -> Result<Config> {
     let path = Path::new(preset);
     // A run that is called `fast` does not hide the preset.
@@ -138,17 +143,26 @@ pub(super) fn load_config(preset: &str) -> Result<Config> {
     let text = std::fs::read_to_string(path).map_err(FileError::io("read", path))?;
     // The core says what is wrong with a text that is no table.
     let mut table = text.parse::<toml::Table>().unwrap_or_default();
-    let settings = if table.remove(session::RUN_TABLE).is_some() { table.to_string() } else { text };
+    let settings =
+        if table.remove(session::RUN_TABLE).is_some() { table.to_string() } else { text };
     Config::from_toml(&settings).map_err(|error| FileError::content(path, error.to_string()).into())
 }
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { task, method, env_steps, episodes, updates, wall_seconds, stopped_by, .. } = self;
-        writeln!(f, "{task} with {method}: {env_steps} environment steps in {episodes} episodes, {updates} updates")?;
+        let Self { task, method, env_steps, episodes, updates, wall_seconds, stopped_by, .. } =
+            self;
+        writeln!(
+            f,
+            "{task} with {method}: {env_steps} environment steps in {episodes} episodes, {updates} updates"
+        )?;
         writeln!(f, "{wall_seconds:.0} s of training, stopped by {stopped_by}")?;
         if let Some(first) = &self.demonstrations_only {
-            writeln!(f, "after demonstrations alone: {} of {} validation episodes", first.successes, first.episodes)?;
+            writeln!(
+                f,
+                "after demonstrations alone: {} of {} validation episodes",
+                first.successes, first.episodes
+            )?;
         }
         self.eval.fmt(f)
     }

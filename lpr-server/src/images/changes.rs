@@ -1,4 +1,5 @@
-//! An animation that is small: one palette for all of it, and of each picture only what has changed.
+//! An animation that is small: one palette for all of it, and of each picture only what has
+//! changed.
 
 use super::palette::{self, MAX_COLORS};
 use super::{Shown, check_frames, delay, gif_to_io};
@@ -19,8 +20,8 @@ struct Change {
     pixels: Vec<u8>,
 }
 
-/// Writes an endless animation, atomically, with 255 colours for all its pictures: a still camera's takes a fraction of what
-/// [`super::write_gif`] needs.
+/// Writes an endless animation, atomically, with 255 colours for all its pictures: a still camera's
+/// takes a fraction of what [`super::write_gif`] needs.
 ///
 /// # Errors
 ///
@@ -29,13 +30,16 @@ pub fn write_gif_of_changes(path: &Path, width: u16, height: u16, frames: &[Show
     check_frames(path, width, height, frames)?;
     let all: Vec<_> = frames.iter().flat_map(|frame| frame.pixels.iter().copied()).collect();
     let indexed = palette::indexed(&all, MAX_COLORS - 1);
-    let pictures: Vec<_> = indexed.pixels.chunks(usize::from(width) * usize::from(height)).collect();
+    let pictures: Vec<_> =
+        indexed.pixels.chunks(usize::from(width) * usize::from(height)).collect();
     files::write_atomically(path, |writer| {
-        let mut encoder = gif::Encoder::new(writer, width, height, &indexed.palette).map_err(gif_to_io)?;
+        let mut encoder =
+            gif::Encoder::new(writer, width, height, &indexed.palette).map_err(gif_to_io)?;
         encoder.set_repeat(gif::Repeat::Infinite).map_err(gif_to_io)?;
         for (idx, shown) in frames.iter().enumerate() {
             let before = idx.checked_sub(1).map(|before| pictures[before]);
-            let Change { left, top, width, height, pixels } = change(before, pictures[idx], usize::from(width));
+            let Change { left, top, width, height, pixels } =
+                change(before, pictures[idx], usize::from(width));
             let frame = gif::Frame {
                 left,
                 top,
@@ -56,7 +60,10 @@ pub fn write_gif_of_changes(path: &Path, width: u16, height: u16, frames: &[Show
 /// What changes from `before` to `after`; all of `after` where there is nothing before it.
 fn change(before: Option<&[u8]>, after: &[u8], width: usize) -> Change {
     let differs = |idx: usize| before.is_none_or(|before| before[idx] != after[idx]);
-    let changed: Vec<_> = (0..after.len()).filter(|&idx| differs(idx)).map(|idx| [idx % width, idx / width]).collect();
+    let changed: Vec<_> = (0..after.len())
+        .filter(|&idx| differs(idx))
+        .map(|idx| [idx % width, idx / width])
+        .collect();
     // A frame of no size is not allowed: where nothing changes, its first pixel stands for all.
     let range = |axis: usize| {
         let places = || changed.iter().map(move |place| place[axis]);
@@ -64,8 +71,12 @@ fn change(before: Option<&[u8]>, after: &[u8], width: usize) -> Change {
     };
     let ((left, right), (top, bottom)) = (range(0), range(1));
     let row = |y: usize| (left..=right).map(move |x| y * width + x);
-    let pixels = (top..=bottom).flat_map(row).map(|idx| if differs(idx) { after[idx] } else { UNCHANGED }).collect();
-    let [left, top, width, height] = [left, top, right - left + 1, bottom - top + 1].map(|side| side as u16);
+    let pixels = (top..=bottom)
+        .flat_map(row)
+        .map(|idx| if differs(idx) { after[idx] } else { UNCHANGED })
+        .collect();
+    let [left, top, width, height] =
+        [left, top, right - left + 1, bottom - top + 1].map(|side| side as u16);
     Change { left, top, width, height, pixels }
 }
 
@@ -113,7 +124,9 @@ mod tests {
         write_gif_of_changes(&path, 20, 12, &frames).unwrap();
         let shown = pictures(&path);
         assert_eq!(shown.len(), frames.len());
-        for (shown, frame) in shown.iter().flatten().zip(frames.iter().flat_map(|frame| &frame.pixels)) {
+        for (shown, frame) in
+            shown.iter().flatten().zip(frames.iter().flat_map(|frame| &frame.pixels))
+        {
             let error = shown.iter().zip(frame).map(|(a, b)| a.abs_diff(*b)).max();
             assert!(error <= Some(4), "{shown:?} for {frame:?}");
         }

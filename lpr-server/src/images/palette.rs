@@ -1,7 +1,8 @@
 //! A palette of up to 256 colours for one picture or several.
 //!
-//! The colours of thin lines must survive beside large shaded surfaces: boxes of the colour cube are split where they are wide
-//! rather than where most pixels are, which is where a quantiser that learns from samples puts its colours.
+//! The colours of thin lines must survive beside large shaded surfaces: boxes of the colour cube
+//! are split where they are wide rather than where most pixels are, which is where a quantiser that
+//! learns from samples puts its colours.
 
 /// Most colours of a GIF's palette.
 pub(super) const MAX_COLORS: usize = 256;
@@ -52,7 +53,9 @@ pub(super) fn indexed(pixels: &[[u8; 3]], n_colors: usize) -> Indexed {
     for (color, members) in (0_u8..=u8::MAX).zip(&boxes) {
         members.iter().for_each(|bin| color_of_bin[bin.index] = color);
         let n: u64 = members.iter().map(|bin| bin.n_pixels).sum();
-        palette.extend([0, 1, 2].map(|c| (members.iter().map(|bin| bin.sum[c]).sum::<u64>() as f64 / n as f64).round() as u8));
+        palette.extend([0, 1, 2].map(|c| {
+            (members.iter().map(|bin| bin.sum[c]).sum::<u64>() as f64 / n as f64).round() as u8
+        }));
     }
     Indexed { palette, pixels: pixels.iter().map(|rgb| color_of_bin[bin_of(*rgb)]).collect() }
 }
@@ -66,13 +69,15 @@ fn bin_of(rgb: [u8; 3]) -> usize {
 fn split(bins: &mut [Bin], n_colors: usize) -> Vec<&[Bin]> {
     let mut boxes = vec![bins];
     while boxes.len() < n_colors {
-        let widest = (0..boxes.len()).max_by(|&a, &b| width(boxes[a]).1.total_cmp(&width(boxes[b]).1));
+        let widest =
+            (0..boxes.len()).max_by(|&a, &b| width(boxes[a]).1.total_cmp(&width(boxes[b]).1));
         let Some(widest) = widest.filter(|&idx| width(boxes[idx]).1 > 0.0) else { break };
         let members = boxes.swap_remove(widest);
         let (channel, _) = width(members);
         let (low, high) = range(members, channel);
         members.sort_by_key(|bin| bin.level(channel));
-        let (first, second) = members.split_at_mut(members.partition_point(|bin| 2 * bin.level(channel) <= low + high));
+        let (first, second) = members
+            .split_at_mut(members.partition_point(|bin| 2 * bin.level(channel) <= low + high));
         boxes.extend([first, second]);
     }
     boxes.into_iter().map(|members| &*members).collect()
@@ -100,7 +105,8 @@ mod tests {
     use super::*;
 
     fn shown(indexed: &Indexed) -> Vec<[u8; 3]> {
-        let color = |index: u8| core::array::from_fn(|c| indexed.palette[3 * usize::from(index) + c]);
+        let color =
+            |index: u8| core::array::from_fn(|c| indexed.palette[3 * usize::from(index) + c]);
         indexed.pixels.iter().map(|&index| color(index)).collect()
     }
 
@@ -113,14 +119,21 @@ mod tests {
 
     #[test]
     fn a_thin_line_keeps_its_colour_beside_a_large_shaded_surface() {
-        let surface =
-            (0..60_000_u32).map(|idx| [(160 + idx % 90) as u8, (150 + idx / 7 % 90) as u8, (140 + idx / 640 % 94) as u8]);
+        let surface = (0..60_000_u32).map(|idx| {
+            [(160 + idx % 90) as u8, (150 + idx / 7 % 90) as u8, (140 + idx / 640 % 94) as u8]
+        });
         let mut pixels: Vec<_> = surface.collect();
         let yellow = [250, 220, 30];
         pixels.extend([yellow; 40]);
         let shown = shown(&indexed(&pixels, MAX_COLORS));
-        let error = |idx: usize| shown[idx].iter().zip(pixels[idx]).map(|(a, b)| a.abs_diff(b)).max().unwrap();
+        let error = |idx: usize| {
+            shown[idx].iter().zip(pixels[idx]).map(|(a, b)| a.abs_diff(b)).max().unwrap()
+        };
         assert!((60_000..60_040).all(|idx| error(idx) <= 6), "{:?}", shown[60_000]);
-        assert!((0..60_000).all(|idx| error(idx) <= 24), "{}", (0..60_000).map(error).max().unwrap());
+        assert!(
+            (0..60_000).all(|idx| error(idx) <= 24),
+            "{}",
+            (0..60_000).map(error).max().unwrap()
+        );
     }
 }

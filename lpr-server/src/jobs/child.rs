@@ -11,7 +11,8 @@ use tokio::process::{Child, ChildStdin, Command};
 #[derive(Debug)]
 pub(super) struct Process {
     child: Child,
-    /// Closed by the operating system when this process ends, however it ends: then the child ends, too.
+    /// Closed by the operating system when this process ends, however it ends: then the child ends,
+    /// too.
     _leash: Option<ChildStdin>,
 }
 
@@ -19,7 +20,12 @@ impl Process {
     /// Starts `program`, whose standard error goes to `log`.
     pub(super) fn start(program: &Path, arguments: &[OsString], log: File) -> io::Result<Self> {
         let mut command = Command::new(program);
-        command.args(arguments).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(log).kill_on_drop(true);
+        command
+            .args(arguments)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(log)
+            .kill_on_drop(true);
         // Ctrl-C in a terminal is for the server, which then ends its children in good order.
         #[cfg(unix)]
         command.process_group(0);

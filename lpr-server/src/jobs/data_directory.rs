@@ -25,9 +25,10 @@ impl DataDirectory {
         let file = File::create(&lock).map_err(FileError::io("create", &lock))?;
         match file.try_lock() {
             Ok(()) => Ok(Self { path, _lock: file }),
-            Err(TryLockError::WouldBlock) => {
-                Err(FileError::content(&path, "another server uses this directory: stop it, or choose another --data-dir"))
-            }
+            Err(TryLockError::WouldBlock) => Err(FileError::content(
+                &path,
+                "another server uses this directory: stop it, or choose another --data-dir",
+            )),
             Err(TryLockError::Error(error)) => Err(FileError::io("lock", &lock)(error)),
         }
     }

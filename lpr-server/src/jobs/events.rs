@@ -1,4 +1,5 @@
-//! The history of what happens to jobs: one sequence, read by any number of streams at their own pace.
+//! The history of what happens to jobs: one sequence, read by any number of streams at their own
+//! pace.
 
 use super::job::JobId;
 use super::store::{Claim, Result, SqliteStore, held};
@@ -56,10 +57,18 @@ impl SqliteStore {
     ///
     /// When the database fails.
     pub async fn events(&self, id: JobId, after: i64, limit: u32) -> Result<Vec<Event>> {
-        let select = query("SELECT seq, kind, data FROM events WHERE job = ? AND seq > ? ORDER BY seq LIMIT ?");
-        let rows = select.bind(id.to_string()).bind(after).bind(limit).fetch_all(&self.pool).await?;
-        let events =
-            rows.iter().map(|row| Ok(Event { seq: row.try_get("seq")?, kind: row.try_get("kind")?, data: row.try_get("data")? }));
+        let select = query(
+            "SELECT seq, kind, data FROM events WHERE job = ? AND seq > ? ORDER BY seq LIMIT ?",
+        );
+        let rows =
+            select.bind(id.to_string()).bind(after).bind(limit).fetch_all(&self.pool).await?;
+        let events = rows.iter().map(|row| {
+            Ok(Event {
+                seq: row.try_get("seq")?,
+                kind: row.try_get("kind")?,
+                data: row.try_get("data")?,
+            })
+        });
         events.collect()
     }
 
@@ -79,7 +88,8 @@ impl SqliteStore {
     ///
     /// When the database fails.
     pub async fn points(&self, id: JobId) -> Result<Vec<String>> {
-        let select = query_scalar("SELECT data FROM events WHERE job = ? AND kind = 'metric' ORDER BY seq");
+        let select =
+            query_scalar("SELECT data FROM events WHERE job = ? AND kind = 'metric' ORDER BY seq");
         Ok(select.bind(id.to_string()).fetch_all(&self.pool).await?)
     }
 
@@ -101,13 +111,19 @@ impl SqliteStore {
         self.commit(tx).await
     }
 
-    /// Takes the log points that are later than the checkpoint at `env_steps` out of the history, all of them without one. An event
-    /// tells those who had seen them.
+    /// Takes the log points that are later than the checkpoint at `env_steps` out of the history,
+    /// all of them without one. An event tells those who had seen them.
     pub(super) async fn rewind(&self, claim: Claim, env_steps: Option<u64>) -> Result<()> {
         let mut tx = self.begin().await?;
         held(&mut tx, claim).await?;
-        let later = query("DELETE FROM events WHERE job = ?1 AND kind = 'metric' AND (?2 IS NULL OR env_steps > ?2)");
-        let later = later.bind(claim.id.to_string()).bind(env_steps.map(u64::cast_signed)).execute(&mut *tx).await?;
+        let later = query(
+            "DELETE FROM events WHERE job = ?1 AND kind = 'metric' AND (?2 IS NULL OR env_steps > ?2)",
+        );
+        let later = later
+            .bind(claim.id.to_string())
+            .bind(env_steps.map(u64::cast_signed))
+            .execute(&mut *tx)
+            .await?;
         if later.rows_affected() > 0 {
             let points = n_points(&mut tx, claim.id).await?;
             let data = json!({"env_steps": env_steps, "points": points}).to_string();
@@ -130,7 +146,11 @@ pub(super) async fn insert_event(
     data: &str,
 ) -> Result<()> {
     let insert = query("INSERT INTO events (job, kind, env_steps, data) VALUES (?, ?, ?, ?)");
-    let insert = insert.bind(id.to_string()).bind(kind.name()).bind(env_steps.map(u64::cast_signed)).bind(data);
+    let insert = insert
+        .bind(id.to_string())
+        .bind(kind.name())
+        .bind(env_steps.map(u64::cast_signed))
+        .bind(data);
     insert.execute(tx).await?;
     Ok(())
 }

@@ -11,7 +11,8 @@ use std::path::{Path, PathBuf};
 use std::thread::sleep;
 use std::time::Instant;
 
-/// How long an attempt waits for the process of an earlier one, which ends when it notices that its server is gone.
+/// How long an attempt waits for the process of an earlier one, which ends when it notices that its
+/// server is gone.
 const PATIENCE: Duration = Duration::from_secs(30);
 /// Bytes at the end of a log in which its last line is looked for.
 const LAST_BYTES: u64 = 4096;
@@ -52,17 +53,26 @@ impl JobFolder {
         self.run().join(metrics::FILE_NAME)
     }
 
-    /// The log, which belongs to one attempt at a time. The lock is on the open file, which the process of the attempt inherits as
-    /// its standard error: it holds as long as that process lives, also when its server is gone.
+    /// The log, which belongs to one attempt at a time. The lock is on the open file, which the
+    /// process of the attempt inherits as its standard error: it holds as long as that process
+    /// lives, also when its server is gone.
     pub(super) fn lock_log(&self) -> Result<Log> {
         let path = self.0.join("log");
-        let file = OpenOptions::new().create(true).append(true).read(true).open(&path).map_err(FileError::io("create", &path))?;
+        let file = OpenOptions::new()
+            .create(true)
+            .append(true)
+            .read(true)
+            .open(&path)
+            .map_err(FileError::io("create", &path))?;
         let deadline = Instant::now() + PATIENCE;
         while let Err(error) = file.try_lock() {
             match error {
                 TryLockError::Error(error) => return Err(FileError::io("lock", &path)(error)),
                 TryLockError::WouldBlock if Instant::now() > deadline => {
-                    return Err(FileError::content(&path, "the process of an earlier attempt is still alive"));
+                    return Err(FileError::content(
+                        &path,
+                        "the process of an earlier attempt is still alive",
+                    ));
                 }
                 TryLockError::WouldBlock => sleep(Duration::from_millis(20)),
             }
@@ -83,7 +93,9 @@ impl JobFolder {
             return Ok(Start::Resume(step));
         }
         match fs::remove_dir_all(&run) {
-            Err(error) if error.kind() != io::ErrorKind::NotFound => Err(FileError::io("delete", &run)(error)),
+            Err(error) if error.kind() != io::ErrorKind::NotFound => {
+                Err(FileError::io("delete", &run)(error))
+            }
             _ => Ok(Start::Anew),
         }
     }

@@ -1,11 +1,13 @@
 //! Training jobs: what they are, where they are kept, and the workers that run them.
 //!
-//! A job is run by a child process of this binary. It goes through the states of [`State`]; everything that happens to it is an
-//! event with a number of its own in one history, which streams replay from any number on. A worker holds a job by the number of
-//! its attempt: what an earlier attempt still writes is refused.
+//! A job is run by a child process of this binary. It goes through the states of [`State`];
+//! everything that happens to it is an event with a number of its own in one history, which streams
+//! replay from any number on. A worker holds a job by the number of its attempt: what an earlier
+//! attempt still writes is refused.
 //!
-//! The metrics in the history are the lines of the run's `metrics.jsonl`. When a run goes on from a checkpoint, the trainer cuts
-//! that file back to it; the same points leave the history, and an event `rewind` tells those who had seen them.
+//! The metrics in the history are the lines of the run's `metrics.jsonl`. When a run goes on from a
+//! checkpoint, the trainer cuts that file back to it; the same points leave the history, and an
+//! event `rewind` tells those who had seen them.
 
 mod child;
 mod data_directory;

@@ -33,7 +33,8 @@ pub(super) async fn fetch(tx: &mut SqliteConnection, id: JobId) -> Result<Job> {
 
 pub(super) fn read_job(row: &SqliteRow) -> Result<Job> {
     let text = |column| row.try_get::<Option<&str>, _>(column);
-    let time = |column| text(column)?.map(|text| text.parse().map_err(unreadable(column))).transpose();
+    let time =
+        |column| text(column)?.map(|text| text.parse().map_err(unreadable(column))).transpose();
     Ok(Job {
         id: read_id(row)?,
         state: read_word(row.try_get("state")?, "state")?,
@@ -41,11 +42,17 @@ pub(super) fn read_job(row: &SqliteRow) -> Result<Job> {
         message: row.try_get("message")?,
         spec: read_json(row.try_get("spec")?, "spec")?,
         attempt: row.try_get("attempt")?,
-        created_at: row.try_get::<&str, _>("created_at")?.parse().map_err(unreadable("created_at"))?,
+        created_at: row
+            .try_get::<&str, _>("created_at")?
+            .parse()
+            .map_err(unreadable("created_at"))?,
         started_at: time("started_at")?,
         finished_at: time("finished_at")?,
         env_steps: row.try_get::<Option<i64>, _>("env_steps")?.map(i64::cast_unsigned),
-        success_rate: text("success_rate")?.map(|rate| read_json(rate, "success_rate")).transpose()?.flatten(),
+        success_rate: text("success_rate")?
+            .map(|rate| read_json(rate, "success_rate"))
+            .transpose()?
+            .flatten(),
         summary: text("summary")?.map(|summary| read_json(summary, "summary")).transpose()?,
         transitions: read_json(row.try_get("transitions")?, "transitions")?,
     })

@@ -105,13 +105,18 @@ impl JobSpec {
         check_trainable(method).map_err(at("method"))?;
         Config::preset(&self.preset).map_err(reason_of).map_err(at("preset"))?;
         check_minutes(self.minutes).map_err(at("minutes"))?;
-        let numbers =
-            [("seed", Some(self.seed)), ("env_steps", self.env_steps), ("stop_after_successes", self.stop_after_successes)];
+        let numbers = [
+            ("seed", Some(self.seed)),
+            ("env_steps", self.env_steps),
+            ("stop_after_successes", self.stop_after_successes),
+        ];
         for (name, number) in numbers {
             check_number(number.unwrap_or(0)).map_err(at(name))?;
         }
         match self.demos {
-            Some(demos) if demos > MAX_DEMOS => Err(at("demos")(format!("expected at most {MAX_DEMOS}, found {demos}"))),
+            Some(demos) if demos > MAX_DEMOS => {
+                Err(at("demos")(format!("expected at most {MAX_DEMOS}, found {demos}")))
+            }
             _ => self.config().map(drop),
         }
     }
@@ -123,10 +128,11 @@ impl JobSpec {
     /// The setting that is misspelt, missing, of the wrong type or out of its range.
     pub fn config(&self) -> Result<Option<Config>, SpecError> {
         let Some(settings) = &self.settings else { return Ok(None) };
-        let config: Config = serde_path_to_error::deserialize(Value::Object(settings.clone())).map_err(|error| SpecError {
-            pointer: format!("/settings{}", pointer(error.path())),
-            detail: error.inner().to_string(),
-        })?;
+        let config: Config = serde_path_to_error::deserialize(Value::Object(settings.clone()))
+            .map_err(|error| SpecError {
+                pointer: format!("/settings{}", pointer(error.path())),
+                detail: error.inner().to_string(),
+            })?;
         // Ranges are checked where files are read.
         match Config::from_toml(&config.to_toml()) {
             Ok(config) => Ok(Some(config)),
@@ -134,10 +140,12 @@ impl JobSpec {
         }
     }
 
-    /// The arguments of `lpr` that train it in the directory `out`, with its own settings in the file `settings`.
+    /// The arguments of `lpr` that train it in the directory `out`, with its own settings in the
+    /// file `settings`.
     #[must_use]
     pub fn arguments(&self, out: &FilePath, settings: &FilePath) -> Vec<OsString> {
-        let preset = if self.settings.is_some() { settings.as_os_str() } else { self.preset.as_ref() };
+        let preset =
+            if self.settings.is_some() { settings.as_os_str() } else { self.preset.as_ref() };
         let mut arguments: Vec<OsString> = vec!["train".into(), self.task.clone().into()];
         arguments.extend(["--out".into(), out.into(), "--preset".into(), preset.to_owned()]);
         let mut option = |name: &str, value: String| arguments.extend([name.into(), value.into()]);
@@ -172,20 +180,27 @@ pub fn pointer(path: &Path) -> String {
 
 /// Whether a number is one that files and databases hold.
 fn check_number(number: u64) -> Result<(), String> {
-    if i64::try_from(number).is_ok() { Ok(()) } else { Err(format!("expected at most {}, found {number}", i64::MAX)) }
+    if i64::try_from(number).is_ok() {
+        Ok(())
+    } else {
+        Err(format!("expected at most {}, found {number}", i64::MAX))
+    }
 }
 
 /// What the core says, without the word for where it looked.
 fn reason_of(error: lpr_core::Error) -> String {
     match error {
-        lpr_core::Error::Config(reason) | lpr_core::Error::Robot(reason) | lpr_core::Error::Environment(reason) => reason,
+        lpr_core::Error::Config(reason)
+        | lpr_core::Error::Robot(reason)
+        | lpr_core::Error::Environment(reason) => reason,
         other => other.to_string(),
     }
 }
 
 /// The core's words on a setting, `table.setting[index]: reason`, with the setting as a pointer.
 fn settings_error(words: &str) -> SpecError {
-    let is_path = |text: &str| text.chars().all(|c| c.is_ascii_alphanumeric() || "_.[]".contains(c));
+    let is_path =
+        |text: &str| text.chars().all(|c| c.is_ascii_alphanumeric() || "_.[]".contains(c));
     match words.split_once(": ") {
         Some((path, detail)) if is_path(path) => {
             let pointer = format!("/settings/{}", path.replace(['.', '['], "/").replace(']', ""));
@@ -238,16 +253,40 @@ mod tests {
     #[test]
     fn a_value_that_cannot_be_used_is_pointed_at() {
         for (value, pointer, says) in [
-            (json!({"task": "make_coffee"}), "/task", "unknown task 'make_coffee', known: reach_target"),
+            (
+                json!({"task": "make_coffee"}),
+                "/task",
+                "unknown task 'make_coffee', known: reach_target",
+            ),
             (json!({"task": "reach_target", "robot": "ur5"}), "/robot", "known: xarm7, panda"),
-            (json!({"task": "reach_target", "method": "guess"}), "/method", "unknown method `guess`"),
-            (json!({"task": "reach_target", "method": "linear"}), "/method", "has nothing to train"),
+            (
+                json!({"task": "reach_target", "method": "guess"}),
+                "/method",
+                "unknown method `guess`",
+            ),
+            (
+                json!({"task": "reach_target", "method": "linear"}),
+                "/method",
+                "has nothing to train",
+            ),
             // Not the name of a file, as on the command line.
-            (json!({"task": "reach_target", "preset": "Cargo.toml"}), "/preset", "unknown preset `Cargo.toml`"),
+            (
+                json!({"task": "reach_target", "preset": "Cargo.toml"}),
+                "/preset",
+                "unknown preset `Cargo.toml`",
+            ),
             (json!({"task": "reach_target", "minutes": 0}), "/minutes", "above 0"),
-            (json!({"task": "reach_target", "seed": u64::MAX}), "/seed", "expected at most 9223372036854775807"),
+            (
+                json!({"task": "reach_target", "seed": u64::MAX}),
+                "/seed",
+                "expected at most 9223372036854775807",
+            ),
             (json!({"task": "reach_target", "demos": 10_001}), "/demos", "expected at most 10000"),
-            (json!({"task": "reach_target", "env_steps": 1_u64 << 63}), "/env_steps", "found 9223372036854775808"),
+            (
+                json!({"task": "reach_target", "env_steps": 1_u64 << 63}),
+                "/env_steps",
+                "found 9223372036854775808",
+            ),
         ] {
             let SpecError { pointer: found, detail } = refusal(value);
             assert!(found == pointer && detail.contains(says), "{found}: {detail}");
@@ -262,17 +301,35 @@ mod tests {
             refusal(json!({"task": "reach_target", "settings": settings}))
         };
         let error = changed("/candidates/bezier/sigma", json!(-1));
-        assert_eq!(error.to_string(), "/settings/candidates/bezier/sigma: expected a finite number from 0, found -1");
+        assert_eq!(
+            error.to_string(),
+            "/settings/candidates/bezier/sigma: expected a finite number from 0, found -1"
+        );
         let error = changed("/ranker/config_widths/1", json!(0));
-        assert!(error.to_string().starts_with("/settings/ranker/config_widths/1: expected 1 to 8192"), "{error}");
+        assert!(
+            error.to_string().starts_with("/settings/ranker/config_widths/1: expected 1 to 8192"),
+            "{error}"
+        );
         let error = changed("/candidates/planner_paths", json!("many"));
-        assert!(error.to_string().starts_with("/settings/candidates/planner_paths: invalid type: string"), "{error}");
+        assert!(
+            error
+                .to_string()
+                .starts_with("/settings/candidates/planner_paths: invalid type: string"),
+            "{error}"
+        );
         let mut settings = fast();
         settings["candidates"]["bezeir"] = json!(1);
         let error = refusal(json!({"task": "reach_target", "settings": settings}));
-        assert!(error.pointer.starts_with("/settings/candidates") && error.detail.contains("unknown field `bezeir`"), "{error}");
+        assert!(
+            error.pointer.starts_with("/settings/candidates")
+                && error.detail.contains("unknown field `bezeir`"),
+            "{error}"
+        );
         let error = refusal(json!({"task": "reach_target", "settings": {}}));
-        assert!(error.pointer == "/settings" && error.detail.contains("missing field `candidates`"), "{error}");
+        assert!(
+            error.pointer == "/settings" && error.detail.contains("missing field `candidates`"),
+            "{error}"
+        );
     }
 
     #[test]

@@ -28,7 +28,14 @@ pub enum State {
 
 impl State {
     /// All of them.
-    pub const ALL: [Self; 6] = [Self::Queued, Self::Running, Self::Cancelling, Self::Succeeded, Self::Failed, Self::Cancelled];
+    pub const ALL: [Self; 6] = [
+        Self::Queued,
+        Self::Running,
+        Self::Cancelling,
+        Self::Succeeded,
+        Self::Failed,
+        Self::Cancelled,
+    ];
 
     /// Its name in JSON and in the database.
     #[must_use]
@@ -76,8 +83,14 @@ pub enum Reason {
 
 impl Reason {
     /// All of them.
-    pub const ALL: [Self; 6] =
-        [Self::CancelledByUser, Self::ExitStatus, Self::MaxAttempts, Self::ServerStopped, Self::WorkerError, Self::WorkerLost];
+    pub const ALL: [Self; 6] = [
+        Self::CancelledByUser,
+        Self::ExitStatus,
+        Self::MaxAttempts,
+        Self::ServerStopped,
+        Self::WorkerError,
+        Self::WorkerLost,
+    ];
 
     /// Its name in JSON and in the database.
     #[must_use]
@@ -141,18 +154,28 @@ pub(super) fn next(state: State, change: Change) -> Result<Option<Step>, Refused
     let to = |state, reason| Ok(Some(Step { state, reason }));
     match (state, change) {
         (State::Queued, Change::Claimed) => to(State::Running, None),
-        (State::Queued, Change::CancelRequested) => to(State::Cancelled, Some(Reason::CancelledByUser)),
-        (State::Running, Change::CancelRequested) => to(State::Cancelling, Some(Reason::CancelledByUser)),
+        (State::Queued, Change::CancelRequested) => {
+            to(State::Cancelled, Some(Reason::CancelledByUser))
+        }
+        (State::Running, Change::CancelRequested) => {
+            to(State::Cancelling, Some(Reason::CancelledByUser))
+        }
         (State::Cancelling | State::Cancelled, Change::CancelRequested) => Ok(None),
         (State::Running, Change::Succeeded) => to(State::Succeeded, None),
         (State::Running, Change::Failed(reason)) => to(State::Failed, Some(reason)),
         (State::Running, Change::ServerStopped) => to(State::Queued, Some(Reason::ServerStopped)),
-        (State::Running, Change::WorkerLost { losses }) if losses < MAX_LOSSES => to(State::Queued, Some(Reason::WorkerLost)),
+        (State::Running, Change::WorkerLost { losses }) if losses < MAX_LOSSES => {
+            to(State::Queued, Some(Reason::WorkerLost))
+        }
         (State::Running, Change::WorkerLost { .. }) => to(State::Failed, Some(Reason::MaxAttempts)),
         // However its process ended: a user was told that it would.
         (
             State::Cancelling,
-            Change::Ended | Change::Succeeded | Change::Failed(_) | Change::ServerStopped | Change::WorkerLost { .. },
+            Change::Ended
+            | Change::Succeeded
+            | Change::Failed(_)
+            | Change::ServerStopped
+            | Change::WorkerLost { .. },
         ) => to(State::Cancelled, Some(Reason::CancelledByUser)),
         _ => Err(Refused { state }),
     }
@@ -221,7 +244,10 @@ mod tests {
 
     #[test]
     fn a_job_that_is_lost_again_and_again_fails() {
-        let lost = |losses| next(State::Running, Change::WorkerLost { losses }).map(|step| step.map(|step| step.state));
+        let lost = |losses| {
+            next(State::Running, Change::WorkerLost { losses })
+                .map(|step| step.map(|step| step.state))
+        };
         assert_eq!(lost(MAX_LOSSES - 1), Ok(Some(State::Queued)));
         assert_eq!(lost(MAX_LOSSES), Ok(Some(State::Failed)));
     }

@@ -1,7 +1,7 @@
 //! Jobs in SQLite.
 //!
-//! Every change is one transaction that takes the lock for writing at its start, so that it never fails half-way because another
-//! came first.
+//! Every change is one transaction that takes the lock for writing at its start, so that it never
+//! fails half-way because another came first.
 
 use super::events::{EventKind, insert_event};
 use super::job::{Job, JobId, Transition};
@@ -13,14 +13,17 @@ use core::time::Duration;
 use jiff::Timestamp;
 use serde_json::{Map, Value};
 use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
-use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
+use sqlx::sqlite::{
+    SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous,
+};
 use sqlx::{Row as _, SqlSafeStr as _, Sqlite, SqliteConnection, Transaction, query, query_scalar};
 use std::path::Path;
 use thiserror::Error;
 use tokio::sync::watch;
 
 /// The steps from an empty database to this one, in order; a released one never changes.
-const MIGRATIONS: [(i64, &str, &str); 1] = [(1, "jobs", include_str!("../../migrations/0001_jobs.sql"))];
+const MIGRATIONS: [(i64, &str, &str); 1] =
+    [(1, "jobs", include_str!("../../migrations/0001_jobs.sql"))];
 
 /// How long a change waits for others that write.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
@@ -133,15 +136,18 @@ impl SqliteStore {
             .journal_mode(SqliteJournalMode::Wal)
             .synchronous(SqliteSynchronous::Normal)
             .busy_timeout(BUSY_TIMEOUT);
-        let unusable =
-            |error: &dyn core::fmt::Display| FileError::content(path, format!("cannot be used as the database: {error}"));
-        let pool = SqlitePoolOptions::new().max_connections(MAX_CONNECTIONS).connect_with(options).await;
+        let unusable = |error: &dyn core::fmt::Display| {
+            FileError::content(path, format!("cannot be used as the database: {error}"))
+        };
+        let pool =
+            SqlitePoolOptions::new().max_connections(MAX_CONNECTIONS).connect_with(options).await;
         let pool = pool.map_err(|error| unusable(&error))?;
         match migrator().run(&pool).await {
             Ok(()) => Ok(Self { pool, changes: watch::Sender::new(()) }),
-            Err(MigrateError::VersionMissing(version)) => {
-                Err(FileError::content(path, format!("was written by a newer version of lpr: it has migration {version}")))
-            }
+            Err(MigrateError::VersionMissing(version)) => Err(FileError::content(
+                path,
+                format!("was written by a newer version of lpr: it has migration {version}"),
+            )),
             Err(error) => Err(unusable(&error)),
         }
     }
@@ -152,7 +158,8 @@ impl SqliteStore {
         self.changes.subscribe()
     }
 
-    /// Adds a job to the queue. The same `key` and specification a second time add none and answer as the first time.
+    /// Adds a job to the queue. The same `key` and specification a second time add none and answer
+    /// as the first time.
     ///
     /// # Errors
     ///
@@ -170,7 +177,8 @@ impl SqliteStore {
         enter(&mut tx, id, Step { state: State::Queued, reason: None }).await?;
         let body = json_text(&fetch(&mut tx, id).await?, "answer")?;
         if let Some(key) = key {
-            let insert = query("INSERT INTO idempotency (key, spec, job, response) VALUES (?, ?, ?, ?)");
+            let insert =
+                query("INSERT INTO idempotency (key, spec, job, response) VALUES (?, ?, ?, ?)");
             insert.bind(key).bind(text).bind(id.to_string()).bind(&body).execute(&mut *tx).await?;
         }
         self.commit(tx).await?;
@@ -217,7 +225,10 @@ impl SqliteStore {
             "UPDATE jobs SET attempt = attempt + 1, started_at = COALESCE(started_at, ?1) \
              WHERE id = (SELECT id FROM jobs WHERE state = 'queued' ORDER BY id LIMIT 1) RETURNING id, attempt, spec",
         );
-        let Some(row) = claimed.bind(Timestamp::now().to_string()).fetch_optional(&mut *tx).await? else { return Ok(None) };
+        let Some(row) = claimed.bind(Timestamp::now().to_string()).fetch_optional(&mut *tx).await?
+        else {
+            return Ok(None);
+        };
         let claim = Claim { id: read_id(&row)?, attempt: row.try_get("attempt")? };
         let spec = read_json(row.try_get("spec")?, "spec")?;
         move_on(&mut tx, claim.id, State::Queued, &Ended::new(Change::Claimed)).await?;
@@ -263,14 +274,17 @@ impl SqliteStore {
         self.commit(tx).await
     }
 
-    /// Puts the jobs whose server was killed back into the queue: at start, when no worker holds any.
+    /// Puts the jobs whose server was killed back into the queue: at start, when no worker holds
+    /// any.
     ///
     /// # Errors
     ///
     /// When the database fails.
     pub async fn recover(&self) -> Result<()> {
         let mut tx = self.begin().await?;
-        let rows = query("SELECT id, state FROM jobs WHERE state IN ('running', 'cancelling')").fetch_all(&mut *tx).await?;
+        let rows = query("SELECT id, state FROM jobs WHERE state IN ('running', 'cancelling')")
+            .fetch_all(&mut *tx)
+            .await?;
         for row in rows {
             let state = read_word(row.try_get("state")?, "state")?;
             lose(&mut tx, read_id(&row)?, state, Some("the server was killed".to_owned())).await?;
@@ -304,14 +318,22 @@ impl SqliteStore {
 }
 
 fn migrator() -> Migrator {
-    let migrations = MIGRATIONS
-        .map(|(version, name, sql)| Migration::new(version, name.into(), MigrationType::Simple, sql.into_sql_str(), false));
+    let migrations = MIGRATIONS.map(|(version, name, sql)| {
+        Migration::new(version, name.into(), MigrationType::Simple, sql.into_sql_str(), false)
+    });
     Migrator::with_migrations(migrations.into())
 }
 
 /// What the first request with `key` was answered.
-async fn earlier_answer(tx: &mut SqliteConnection, key: &str, spec: &str) -> Result<Option<Submitted>> {
-    let earlier = query("SELECT spec, job AS id, response FROM idempotency WHERE key = ?").bind(key).fetch_optional(tx).await?;
+async fn earlier_answer(
+    tx: &mut SqliteConnection,
+    key: &str,
+    spec: &str,
+) -> Result<Option<Submitted>> {
+    let earlier = query("SELECT spec, job AS id, response FROM idempotency WHERE key = ?")
+        .bind(key)
+        .fetch_optional(tx)
+        .await?;
     let Some(row) = earlier else { return Ok(None) };
     if row.try_get::<&str, _>("spec")? != spec {
         return Err(StoreError::KeyReused);
@@ -320,21 +342,38 @@ async fn earlier_answer(tx: &mut SqliteConnection, key: &str, spec: &str) -> Res
 }
 
 async fn insert_job(tx: &mut SqliteConnection, id: JobId, task: &str, spec: &str) -> Result<()> {
-    let insert = query("INSERT INTO jobs (id, task, spec, state, attempt, created_at) VALUES (?, ?, ?, 'queued', 0, ?)");
-    insert.bind(id.to_string()).bind(task).bind(spec).bind(Timestamp::now().to_string()).execute(tx).await?;
+    let insert = query(
+        "INSERT INTO jobs (id, task, spec, state, attempt, created_at) VALUES (?, ?, ?, 'queued', 0, ?)",
+    );
+    insert
+        .bind(id.to_string())
+        .bind(task)
+        .bind(spec)
+        .bind(Timestamp::now().to_string())
+        .execute(tx)
+        .await?;
     Ok(())
 }
 
 /// The state of the job that a worker holds.
 pub(super) async fn held(tx: &mut SqliteConnection, claim: Claim) -> Result<State> {
-    let state = query_scalar("SELECT state FROM jobs WHERE id = ? AND attempt = ? AND state IN ('running', 'cancelling')");
-    let state: Option<String> = state.bind(claim.id.to_string()).bind(claim.attempt).fetch_optional(tx).await?;
+    let state = query_scalar(
+        "SELECT state FROM jobs WHERE id = ? AND attempt = ? AND state IN ('running', 'cancelling')",
+    );
+    let state: Option<String> =
+        state.bind(claim.id.to_string()).bind(claim.attempt).fetch_optional(tx).await?;
     read_word(&state.ok_or(StoreError::Stale)?, "state")
 }
 
-async fn lose(tx: &mut SqliteConnection, id: JobId, state: State, message: Option<String>) -> Result<()> {
-    let earlier =
-        query_scalar("SELECT count(*) FROM events WHERE job = ? AND kind = 'state' AND data ->> '$.reason' = 'worker_lost'");
+async fn lose(
+    tx: &mut SqliteConnection,
+    id: JobId,
+    state: State,
+    message: Option<String>,
+) -> Result<()> {
+    let earlier = query_scalar(
+        "SELECT count(*) FROM events WHERE job = ? AND kind = 'state' AND data ->> '$.reason' = 'worker_lost'",
+    );
     let earlier: u32 = earlier.bind(id.to_string()).fetch_one(&mut *tx).await?;
     let change = Change::WorkerLost { losses: earlier + 1 };
     move_on(tx, id, state, &Ended { change, message, summary: None }).await

@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 use tokio::fs::File;
 use tokio::io::{AsyncReadExt as _, AsyncSeekExt as _};
 
-/// A place in a growing file. The file is opened anew each time: a run that resumes puts one with the same lines in its place.
+/// A place in a growing file. The file is opened anew each time: a run that resumes puts one with
+/// the same lines in its place.
 #[derive(Debug)]
 pub(super) struct Tail {
     path: PathBuf,
@@ -33,7 +34,8 @@ impl Tail {
     }
 
     fn point(&self, line: &str) -> Result<Point> {
-        let env_steps = metrics::env_step(line).ok_or_else(|| FileError::content(&self.path, format!("no log point: {line}")))?;
+        let env_steps = metrics::env_step(line)
+            .ok_or_else(|| FileError::content(&self.path, format!("no log point: {line}")))?;
         Ok(Point { env_steps, line: line.to_owned() })
     }
 }

@@ -92,7 +92,9 @@ impl Worker {
             Ok(Attempt::Lost(message)) => self.store.lose(claim, Some(message)).await,
             Err(error) => {
                 report(&format!("job {}: {error}", claim.id));
-                self.store.finish(claim, &Ended::failed(Reason::WorkerError, Some(error.to_string()))).await
+                self.store
+                    .finish(claim, &Ended::failed(Reason::WorkerError, Some(error.to_string())))
+                    .await
             }
         };
         if let Err(error) = recorded {
@@ -110,7 +112,9 @@ impl Worker {
             return Ok(succeeded(summary));
         }
         if let Some(config) = spec.config()? {
-            files::write_atomically(&folder.settings(), |file| file.write_all(config.to_toml().as_bytes()))?;
+            files::write_atomically(&folder.settings(), |file| {
+                file.write_all(config.to_toml().as_bytes())
+            })?;
         }
         let mut arguments = spec.arguments(&folder.run(), &folder.settings());
         arguments.push("--until-stdin-closes".into());
@@ -140,7 +144,8 @@ impl Worker {
         looks.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             tokio::select! {
-                // A process that ends while the server stops may have been told to by the system as well.
+                // A process that ends while the server stops may have been told to by the system as
+                // well.
                 biased;
                 () = stopping(&mut self.phase) => {
                     process.kill().await?;
@@ -163,13 +168,19 @@ impl Worker {
     }
 }
 
-/// Waits for the process of an earlier attempt to be gone, and makes the run directory what this one starts from.
+/// Waits for the process of an earlier attempt to be gone, and makes the run directory what this
+/// one starts from.
 async fn prepare(folder: JobFolder) -> Result<(Log, Start)> {
-    Ok(spawn_blocking(move || Ok::<_, FileError>((folder.lock_log()?, folder.prepare()?))).await??)
+    Ok(spawn_blocking(move || Ok::<_, FileError>((folder.lock_log()?, folder.prepare()?)))
+        .await??)
 }
 
 /// What became of a process that ended by itself, by what it left.
-fn judge(status: ExitStatus, summary: Option<Map<String, Value>>, last_line: Option<String>) -> Attempt {
+fn judge(
+    status: ExitStatus,
+    summary: Option<Map<String, Value>>,
+    last_line: Option<String>,
+) -> Attempt {
     match (status.code(), summary) {
         (Some(0), Some(summary)) => succeeded(summary),
         (Some(0), None) => failed(Some("the process left no summary".to_owned())),

@@ -21,10 +21,14 @@ fn scenes(text: &[u8]) -> Result<Vec<Scene>, String> {
     let path = folder.path().join("a.json");
     fs::write(&path, text).unwrap();
     let scene = |(idx, problem): (usize, &Problem)| problem.scene(&path, idx);
-    let scenes = read_problems(&path).and_then(|file| file.problems.iter().enumerate().map(scene).collect());
+    let scenes =
+        read_problems(&path).and_then(|file| file.problems.iter().enumerate().map(scene).collect());
     scenes.map_err(|error| {
         let error = error.to_string();
-        error.strip_prefix(&format!("{}: ", path.display())).unwrap_or_else(|| panic!("{error}")).to_owned()
+        error
+            .strip_prefix(&format!("{}: ", path.display()))
+            .unwrap_or_else(|| panic!("{error}"))
+            .to_owned()
     })
 }
 
@@ -47,7 +51,9 @@ fn a_length_that_is_no_length_is_told_with_its_field() {
         assert_eq!(PROBLEMS.matches(from).count(), 1, "{from}");
         let number = from.split([',', '}', ']']).next().unwrap();
         for bad in ["1e39", "-1e39", "1e20"] {
-            let error = scenes(PROBLEMS.replacen(from, &from.replacen(number, bad, 1), 1).as_bytes()).unwrap_err();
+            let error =
+                scenes(PROBLEMS.replacen(from, &from.replacen(number, bad, 1), 1).as_bytes())
+                    .unwrap_err();
             let is_told = ["expected", "out of range"].iter().any(|it| error.contains(it));
             assert!(error.starts_with(&format!("problems[0].{field}")) && is_told, "{error}");
         }
@@ -56,9 +62,14 @@ fn a_length_that_is_no_length_is_told_with_its_field() {
 
 #[test]
 fn a_capsule_too_long_to_be_squared_does_not_vanish() {
-    let long = PROBLEMS.replace("0.45, 0, 0]", "0.45, 0, -1e20]").replace("0.45, 0.5, 0.6", "0.45, 0, 1e20");
+    let long = PROBLEMS
+        .replace("0.45, 0, 0]", "0.45, 0, -1e20]")
+        .replace("0.45, 0.5, 0.6", "0.45, 0, 1e20");
     let error = scenes(long.as_bytes()).unwrap_err();
-    assert_eq!(error, "problems[0].capsules[0].a: has -100000000000000000000, expected -1000 to 1000");
+    assert_eq!(
+        error,
+        "problems[0].capsules[0].a: has -100000000000000000000, expected -1000 to 1000"
+    );
 }
 
 proptest! {

@@ -1,8 +1,8 @@
 //! Our side of the connections: one owner of a socket of commands, and one reader of reports.
 
 use super::wire::{
-    Answer, Frame, FrameReader, Motion, PRIVATE_PROTOCOL, Reply, ReportKind, ReportReader, Request, State, Status, WireError,
-    register,
+    Answer, Frame, FrameReader, Motion, PRIVATE_PROTOCOL, Reply, ReportKind, ReportReader, Request,
+    State, Status, WireError, register,
 };
 use lpr_core::robot::JointConfig;
 use std::io::{self, Read as _, Write as _};
@@ -97,7 +97,11 @@ impl Client {
     /// When nobody listens at `address`.
     pub fn connect(what: &'static str, address: SocketAddr, timeout: Duration) -> Result<Self> {
         let socket = connect(what, address, timeout)?;
-        socket.set_write_timeout(Some(timeout)).map_err(|source| ClientError::Connect { what, address, source })?;
+        socket.set_write_timeout(Some(timeout)).map_err(|source| ClientError::Connect {
+            what,
+            address,
+            source,
+        })?;
         Ok(Self { socket, reader: FrameReader::default(), next_transaction: 1, timeout })
     }
 
@@ -120,11 +124,16 @@ impl Client {
         let asked = request.to_frame(self.next_transaction, PRIVATE_PROTOCOL);
         // 0 is no transaction.
         self.next_transaction = self.next_transaction.checked_add(1).unwrap_or(1);
-        self.socket.write_all(&asked.encode()).map_err(|source| ClientError::Io { what, source })?;
+        self.socket
+            .write_all(&asked.encode())
+            .map_err(|source| ClientError::Io { what, source })?;
         loop {
-            while let Some(frame) = self.reader.next_frame().map_err(|source| ClientError::Wire { what, source })? {
+            while let Some(frame) =
+                self.reader.next_frame().map_err(|source| ClientError::Wire { what, source })?
+            {
                 if is_reply(&frame, &asked) {
-                    return Reply::from_frame(&frame).map_err(|source| ClientError::Wire { what, source });
+                    return Reply::from_frame(&frame)
+                        .map_err(|source| ClientError::Wire { what, source });
                 }
             }
             self.read_until(deadline, what, timeout)?;
@@ -180,14 +189,20 @@ impl Client {
     }
 
     /// Takes more bytes in.
-    fn read_until(&mut self, deadline: Instant, what: &'static str, timeout: Duration) -> Result<()> {
+    fn read_until(
+        &mut self,
+        deadline: Instant,
+        what: &'static str,
+        timeout: Duration,
+    ) -> Result<()> {
         let left = deadline.saturating_duration_since(Instant::now());
         let late = || ClientError::Timeout { what, after: timeout };
         if left.is_zero() {
             return Err(late());
         }
         let mut buffer = [0; 1024];
-        let read = self.socket.set_read_timeout(Some(left)).and_then(|()| self.socket.read(&mut buffer));
+        let read =
+            self.socket.set_read_timeout(Some(left)).and_then(|()| self.socket.read(&mut buffer));
         match read {
             Ok(0) => Err(ClientError::Closed { what }),
             Ok(n) => {
@@ -202,7 +217,8 @@ impl Client {
 
 /// Whether `frame` answers `asked`; late replies and feedback do not.
 fn is_reply(frame: &Frame, asked: &Frame) -> bool {
-    (frame.transaction, frame.protocol, frame.body.first()) == (asked.transaction, asked.protocol, asked.body.first())
+    (frame.transaction, frame.protocol, frame.body.first())
+        == (asked.transaction, asked.protocol, asked.body.first())
 }
 
 fn unexpected(request: &Request, answer: &Answer) -> ClientError {
@@ -217,7 +233,10 @@ fn connect(what: &'static str, address: SocketAddr, timeout: Duration) -> Result
 }
 
 fn is_timeout(error: &io::Error) -> bool {
-    matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut | io::ErrorKind::Interrupted)
+    matches!(
+        error.kind(),
+        io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut | io::ErrorKind::Interrupted
+    )
 }
 
 /// What messages call a request.
@@ -283,9 +302,19 @@ impl Reports {
 
     /// The first report after `after` that `wanted` takes; none when none came in time.
     #[must_use]
-    pub fn wait(&self, after: Instant, timeout: Duration, wanted: impl Fn(&Motion) -> bool) -> Option<Observed> {
-        let is_wanted = |newest: &Option<Observed>| newest.is_some_and(|it| it.at > after && wanted(&it.motion));
-        let waited = self.shared.news.wait_timeout_while(self.shared.newest(), timeout, |newest| !is_wanted(newest));
+    pub fn wait(
+        &self,
+        after: Instant,
+        timeout: Duration,
+        wanted: impl Fn(&Motion) -> bool,
+    ) -> Option<Observed> {
+        let is_wanted = |newest: &Option<Observed>| {
+            newest.is_some_and(|it| it.at > after && wanted(&it.motion))
+        };
+        let waited = self
+            .shared
+            .news
+            .wait_timeout_while(self.shared.newest(), timeout, |newest| !is_wanted(newest));
         let newest = *waited.unwrap_or_else(PoisonError::into_inner).0;
         newest.filter(|_| is_wanted(&newest))
     }
@@ -320,7 +349,10 @@ impl SharedReports {
             let at = Instant::now();
             loop {
                 match reader.next_report() {
-                    Ok(Some(report)) => *self.newest() = report.motion().map(|motion| Observed { motion: *motion, at }),
+                    Ok(Some(report)) => {
+                        *self.newest() =
+                            report.motion().map(|motion| Observed { motion: *motion, at })
+                    }
                     Ok(None) => break,
                     Err(_) => return,
                 }

@@ -1,8 +1,9 @@
 //! Streams a checked path to the arm and watches it all the time.
 //!
-//! A point is sent every tick and never sooner after the one before, so that a late tick delays the rest and is not caught up.
-//! Whatever goes wrong ends the stream for good: no further point is sent, and the arm is told to stop on a connection of its own,
-//! opened before. That is no safety-rated stop.
+//! A point is sent every tick and never sooner after the one before, so that a late tick delays the
+//! rest and is not caught up. Whatever goes wrong ends the stream for good: no further point is
+//! sent, and the arm is told to stop on a connection of its own, opened before. That is no
+//! safety-rated stop.
 
 use super::Ports;
 use super::client::{Client, ClientError, Observed, Reports};
@@ -195,7 +196,8 @@ impl Link {
         self.reports.newest()
     }
 
-    /// Enables the arm, streams `path`, waits until the arm is there and leaves it ready in position mode.
+    /// Enables the arm, streams `path`, waits until the arm is there and leaves it ready in
+    /// position mode.
     ///
     /// `interrupted` ends the stream within a tick.
     ///
@@ -209,7 +211,12 @@ impl Link {
         interrupted: &AtomicBool,
     ) -> Result<Execution, ExecutionError> {
         let n_points = path.points().len();
-        self.refuse_unfit().map_err(|cause| ExecutionError { cause, points_sent: 0, n_points, stop: StopOutcome::Unneeded })?;
+        self.refuse_unfit().map_err(|cause| ExecutionError {
+            cause,
+            points_sent: 0,
+            n_points,
+            stop: StopOutcome::Unneeded,
+        })?;
         let mut stream = Stream::new(self, path, watchdogs, interrupted);
         match stream.run() {
             Ok(()) => {
@@ -223,7 +230,8 @@ impl Link {
         }
     }
 
-    /// Looks before anything is changed: an arm with an error, or one that someone else moves, is left alone.
+    /// Looks before anything is changed: an arm with an error, or one that someone else moves, is
+    /// left alone.
     fn refuse_unfit(&mut self) -> Result<(), Cause> {
         self.refuse_errors()?;
         match self.commands.state()? {
@@ -259,7 +267,12 @@ impl Drop for Stream<'_> {
 }
 
 impl<'a> Stream<'a> {
-    fn new(link: &'a mut Link, path: &'a CheckedPath, watchdogs: &'a Watchdogs, interrupted: &'a AtomicBool) -> Self {
+    fn new(
+        link: &'a mut Link,
+        path: &'a CheckedPath,
+        watchdogs: &'a Watchdogs,
+        interrupted: &'a AtomicBool,
+    ) -> Self {
         let execution = Execution {
             points_sent: 0,
             max_tracking_error: 0.0,
@@ -289,7 +302,8 @@ impl<'a> Stream<'a> {
     /// Enables the arm in servo mode, and looks again where it is.
     fn prepare(&mut self) -> Result<(), Cause> {
         match self.link.commands.command(&Request::EnableMotion(Axis::ALL, Power::On)) {
-            // Some firmware does not answer it; the report that the arm is ready says whether it was done.
+            // Some firmware does not answer it; the report that the arm is ready says whether it
+            // was done.
             Ok(_) | Err(ClientError::Timeout { .. }) => {}
             Err(error) => return Err(error.into()),
         }
@@ -309,8 +323,12 @@ impl<'a> Stream<'a> {
             return Ok(());
         }
         match self.link.reports.newest() {
-            Some(Observed { motion: Motion { state, mode, .. }, at }) if at > asked => Err(Cause::NotReady { state, mode }),
-            newest => Err(Cause::ReportStalled { age: newest.map_or(PREPARE_TIMEOUT, |newest| newest.at.elapsed()) }),
+            Some(Observed { motion: Motion { state, mode, .. }, at }) if at > asked => {
+                Err(Cause::NotReady { state, mode })
+            }
+            newest => Err(Cause::ReportStalled {
+                age: newest.map_or(PREPARE_TIMEOUT, |newest| newest.at.elapsed()),
+            }),
         }
     }
 
@@ -322,7 +340,8 @@ impl<'a> Stream<'a> {
             thread::sleep(due.saturating_duration_since(Instant::now()));
             self.watch(&last_sent)?;
             let now = Instant::now();
-            self.execution.max_lateness = self.execution.max_lateness.max(now.saturating_duration_since(due));
+            self.execution.max_lateness =
+                self.execution.max_lateness.max(now.saturating_duration_since(due));
             self.send(point)?;
             last_sent = *point;
             due = now + tick;
@@ -337,7 +356,8 @@ impl<'a> Stream<'a> {
         }
         let newest = self.link.reports.newest();
         let age = newest.map_or(Duration::MAX, |newest| newest.at.elapsed());
-        let Some(Observed { motion, .. }) = newest.filter(|_| age <= self.watchdogs.report_timeout) else {
+        let Some(Observed { motion, .. }) = newest.filter(|_| age <= self.watchdogs.report_timeout)
+        else {
             return Err(Cause::ReportStalled { age });
         };
         let Motion { state, mode, joints, .. } = motion;
@@ -364,7 +384,8 @@ impl<'a> Stream<'a> {
         let asked = Instant::now();
         let request = Request::ServoJoints(*point, SERVO_PACE);
         self.execution.points_sent += 1;
-        let Reply { status, .. } = self.link.commands.call_within(&request, self.watchdogs.reply_timeout)?;
+        let Reply { status, .. } =
+            self.link.commands.call_within(&request, self.watchdogs.reply_timeout)?;
         self.execution.max_reply = self.execution.max_reply.max(asked.elapsed());
         if status.has(Status::ERROR) {
             let (error, _) = self.link.commands.codes()?;

@@ -1,8 +1,11 @@
-//! The UFACTORY xArm7: its wire protocol, a bridge that moves it, and an emulator of its controller.
+//! The UFACTORY xArm7: its wire protocol, a bridge that moves it, and an emulator of its
+//! controller.
 //!
-//! [`wire`] is the only place with millimetres, degrees and byte layouts; both sides use it, and it has no socket. [`client`] talks
-//! to a controller, [`schedule`] times a path for a real arm, [`safety`] checks the whole timed path before the first frame, and
-//! [`executor`] streams it. [`emulator`] is the controller on the loopback interface, for tests and for the vendor's own SDK.
+//! [`wire`] is the only place with millimetres, degrees and byte layouts; both sides use it, and it
+//! has no socket. [`client`] talks to a controller, [`schedule`] times a path for a real arm,
+//! [`safety`] checks the whole timed path before the first frame, and [`executor`] streams it.
+//! [`emulator`] is the controller on the loopback interface, for tests and for the vendor's own
+//! SDK.
 //!
 //! Stopping the arm by a command is no safety-rated stop: the emergency button is.
 

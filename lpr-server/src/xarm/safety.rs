@@ -1,4 +1,5 @@
-//! What is checked before anything is sent: the whole timed path, against what was measured and what the arm may do.
+//! What is checked before anything is sent: the whole timed path, against what was measured and
+//! what the arm may do.
 //!
 //! Nothing is clipped: a path is executed as it is or refused with the first rule that it breaks.
 
@@ -74,7 +75,9 @@ pub enum SafetyError {
         joint: usize,
     },
     /// Too near a joint limit.
-    #[error("point {index}: joint {joint} at {angle:.4} rad leaves [{lower:.4}, {upper:.4}], its limits less a margin")]
+    #[error(
+        "point {index}: joint {joint} at {angle:.4} rad leaves [{lower:.4}, {upper:.4}], its limits less a margin"
+    )]
     JointLimit {
         /// Point.
         index: usize,
@@ -102,7 +105,9 @@ pub enum SafetyError {
         tolerance: f32,
     },
     /// A joint would be too fast.
-    #[error("point {index}: joint {joint} would move at {speed:.3} rad/s, at most {limit:.3} are allowed")]
+    #[error(
+        "point {index}: joint {joint} would move at {speed:.3} rad/s, at most {limit:.3} are allowed"
+    )]
     JointSpeed {
         /// Point at which the step ends.
         index: usize,
@@ -114,7 +119,9 @@ pub enum SafetyError {
         limit: f64,
     },
     /// A joint would change its speed too fast.
-    #[error("point {index}: joint {joint} would accelerate at {acceleration:.2} rad/s², at most {limit:.2} are allowed")]
+    #[error(
+        "point {index}: joint {joint} would accelerate at {acceleration:.2} rad/s², at most {limit:.2} are allowed"
+    )]
     JointAcceleration {
         /// Point in the middle.
         index: usize,
@@ -126,7 +133,9 @@ pub enum SafetyError {
         limit: f64,
     },
     /// The tool would go too far in one tick.
-    #[error("point {index}: the tool would move {step:.4} m in one tick, at most {limit:.4} are allowed")]
+    #[error(
+        "point {index}: the tool would move {step:.4} m in one tick, at most {limit:.4} are allowed"
+    )]
     TcpStep {
         /// Point at which the step ends.
         index: usize,
@@ -146,7 +155,9 @@ pub enum SafetyError {
         limit: f64,
     },
     /// The grip would be too low.
-    #[error("point {index}: the grip would be at a height of {height:.4} m, at least {floor:.4} is allowed")]
+    #[error(
+        "point {index}: the grip would be at a height of {height:.4} m, at least {floor:.4} is allowed"
+    )]
     Floor {
         /// Point.
         index: usize,
@@ -223,8 +234,14 @@ impl CheckedPath {
 /// # Errors
 ///
 /// The first rule that it breaks, with point and joint.
-pub fn check_path(points: Vec<JointConfig>, measured: &JointConfig, limits: &SafetyLimits) -> Result<CheckedPath, SafetyError> {
-    let (Some(first), Some(last)) = (points.first(), points.last()) else { return Err(SafetyError::Empty) };
+pub fn check_path(
+    points: Vec<JointConfig>,
+    measured: &JointConfig,
+    limits: &SafetyLimits,
+) -> Result<CheckedPath, SafetyError> {
+    let (Some(first), Some(last)) = (points.first(), points.last()) else {
+        return Err(SafetyError::Empty);
+    };
     for (index, point) in points.iter().enumerate() {
         check_joints(index, point, limits)?;
     }
@@ -250,17 +267,30 @@ pub fn check_path(points: Vec<JointConfig>, measured: &JointConfig, limits: &Saf
 /// # Errors
 ///
 /// When a joint is farther away than `tolerance`, radians.
-pub fn check_start(start: &JointConfig, measured: &JointConfig, tolerance: f32) -> Result<(), SafetyError> {
+pub fn check_start(
+    start: &JointConfig,
+    measured: &JointConfig,
+    tolerance: f32,
+) -> Result<(), SafetyError> {
     for (joint, (start, measured)) in (1..).zip(start.iter().zip(measured.iter())) {
         let difference = (start - measured).abs();
         if difference.is_nan() || difference > tolerance {
-            return Err(SafetyError::Start { joint, start: *start, measured: *measured, tolerance });
+            return Err(SafetyError::Start {
+                joint,
+                start: *start,
+                measured: *measured,
+                tolerance,
+            });
         }
     }
     Ok(())
 }
 
-fn check_joints(index: usize, point: &JointConfig, limits: &SafetyLimits) -> Result<(), SafetyError> {
+fn check_joints(
+    index: usize,
+    point: &JointConfig,
+    limits: &SafetyLimits,
+) -> Result<(), SafetyError> {
     for (number, (joint, &angle)) in (1..).zip(limits.robot.joints.iter().zip(point.iter())) {
         if !angle.is_finite() {
             return Err(SafetyError::NotFinite { index, joint: number });
@@ -275,12 +305,20 @@ fn check_joints(index: usize, point: &JointConfig, limits: &SafetyLimits) -> Res
 
 fn least_limit_distance(points: &[JointConfig], robot: &Robot) -> f64 {
     let distances = points.iter().flat_map(|point| {
-        robot.joints.iter().zip(point.iter()).map(|(joint, angle)| (angle - joint.lower).min(joint.upper - angle))
+        robot
+            .joints
+            .iter()
+            .zip(point.iter())
+            .map(|(joint, angle)| (angle - joint.lower).min(joint.upper - angle))
     });
     f64::from(distances.fold(f32::INFINITY, f32::min))
 }
 
-fn check_speeds(points: &[JointConfig], limits: &SafetyLimits, margins: &mut Margins) -> Result<(), SafetyError> {
+fn check_speeds(
+    points: &[JointConfig],
+    limits: &SafetyLimits,
+    margins: &mut Margins,
+) -> Result<(), SafetyError> {
     let dt = limits.tick_secs;
     for (index, pair) in (1..).zip(points.windows(2)) {
         for (j, joint) in limits.robot.joints.iter().enumerate() {
@@ -296,7 +334,11 @@ fn check_speeds(points: &[JointConfig], limits: &SafetyLimits, margins: &mut Mar
 }
 
 /// Accelerations as second differences; `padded` has one more point at either end.
-fn check_accelerations(padded: &[&JointConfig], limits: &SafetyLimits, margins: &mut Margins) -> Result<(), SafetyError> {
+fn check_accelerations(
+    padded: &[&JointConfig],
+    limits: &SafetyLimits,
+    margins: &mut Margins,
+) -> Result<(), SafetyError> {
     let dt = limits.tick_secs;
     for (index, three) in padded.windows(3).enumerate() {
         for (j, joint) in limits.robot.joints.iter().enumerate() {
@@ -304,7 +346,12 @@ fn check_accelerations(padded: &[&JointConfig], limits: &SafetyLimits, margins: 
             let acceleration = (after - 2.0 * at + before).abs() / (dt * dt);
             let limit = f64::from(joint.max_acceleration);
             if acceleration > limit + ROUNDING / (dt * dt) {
-                return Err(SafetyError::JointAcceleration { index, joint: j + 1, acceleration, limit });
+                return Err(SafetyError::JointAcceleration {
+                    index,
+                    joint: j + 1,
+                    acceleration,
+                    limit,
+                });
             }
             margins.joint_acceleration = margins.joint_acceleration.max(acceleration);
         }
@@ -313,7 +360,11 @@ fn check_accelerations(padded: &[&JointConfig], limits: &SafetyLimits, margins: 
 }
 
 /// Steps, speeds and height of flange and grip.
-fn check_tool(points: &[JointConfig], limits: &SafetyLimits, margins: &mut Margins) -> Result<(), SafetyError> {
+fn check_tool(
+    points: &[JointConfig],
+    limits: &SafetyLimits,
+    margins: &mut Margins,
+) -> Result<(), SafetyError> {
     let SafetyLimits { robot, tick_secs, max_tcp_speed, max_tcp_step, floor, .. } = *limits;
     let mut before = None;
     for (index, point) in points.iter().enumerate() {
@@ -355,7 +406,8 @@ mod tests {
         check_path(points.to_vec(), &XARM7.start, limits)
     }
 
-    /// A start that stands still, a step of joint `joint` and rest, without a limit of acceleration in the way.
+    /// A start that stands still, a step of joint `joint` and rest, without a limit of acceleration
+    /// in the way.
     fn step(joint: usize, angle: f32) -> Vec<JointConfig> {
         // Within the acceleration limit of 10 rad/s²: 1 mrad more a tick.
         let n = (angle.abs() / 1e-3) as i32;
@@ -398,7 +450,10 @@ mod tests {
         let mut near = XARM7.start;
         near[3] = XARM7.joints[3].upper - 0.03;
         let refused = check(&[XARM7.start, near], &LIMITS);
-        assert!(matches!(refused, Err(SafetyError::JointLimit { index: 1, joint: 4, .. })), "{refused:?}");
+        assert!(
+            matches!(refused, Err(SafetyError::JointLimit { index: 1, joint: 4, .. })),
+            "{refused:?}"
+        );
     }
 
     #[test]
@@ -413,7 +468,10 @@ mod tests {
     #[test]
     fn a_joint_that_is_too_fast_is_refused() {
         let refused = check(&step(5, 15e-3), &LIMITS);
-        assert!(matches!(refused, Err(SafetyError::JointSpeed { joint: 5, index: 11, .. })), "{refused:?}");
+        assert!(
+            matches!(refused, Err(SafetyError::JointSpeed { joint: 5, index: 11, .. })),
+            "{refused:?}"
+        );
         let faster = SafetyLimits { max_joint_speed: 3.0, ..LIMITS };
         assert!(check(&step(5, 15e-3), &faster).is_ok());
     }
@@ -428,7 +486,9 @@ mod tests {
             (vec![XARM7.start, with(7, 1e-3), with(7, 3e-3), with(7, 6e-3)], 3),
         ] {
             match check(&points, &LIMITS) {
-                Err(SafetyError::JointAcceleration { index, joint: 7, .. }) => assert_eq!(index, at),
+                Err(SafetyError::JointAcceleration { index, joint: 7, .. }) => {
+                    assert_eq!(index, at)
+                }
                 other => assert!(at == usize::MAX && other.is_ok(), "{other:?}"),
             }
         }

@@ -1,21 +1,26 @@
-//! When a real arm is where on a path: a time for every point that bounds what the joints have to do at corners, too.
+//! When a real arm is where on a path: a time for every point that bounds what the joints have to
+//! do at corners, too.
 //!
-//! [`lpr_core::path::TimedPath`] gives a path one speed profile; the direction changes at once at its configurations, which a
-//! kinematic arm in a simulator does not mind. Here the arm slows down at every corner so far that the change of direction, spread
-//! over one tick, asks no joint for more than a share of its acceleration. The geometry stays that of the path. Between corners
+//! [`lpr_core::path::TimedPath`] gives a path one speed profile; the direction changes at once at
+//! its configurations, which a kinematic arm in a simulator does not mind. Here the arm slows down
+//! at every corner so far that the change of direction, spread over one tick, asks no joint for
+//! more than a share of its acceleration. The geometry stays that of the path. Between corners
 //! speed and acceleration are constant in turn, so jerk is not bounded.
 //!
-//! On paths that a trained agent chose in 29 scenes of `reach_target`, at 0.5 rad/s and 100 Hz, one profile asks joints for up to
-//! 53 rad/s², where their limit is 10; this schedule for at most 4.5, and it takes 0 to 4 % longer.
+//! On paths that a trained agent chose in 29 scenes of `reach_target`, at 0.5 rad/s and 100 Hz, one
+//! profile asks joints for up to 53 rad/s², where their limit is 10; this schedule for at most 4.5,
+//! and it takes 0 to 4 % longer.
 
 use lpr_core::path::JointPath;
 use lpr_core::robot::{DOF, JointConfig, Robot};
 
-/// Share of a joint's acceleration that a corner may take; the rest is for gaining and losing speed along the path.
+/// Share of a joint's acceleration that a corner may take; the rest is for gaining and losing speed
+/// along the path.
 const CORNER_SHARE: f64 = 0.4;
 /// Configurations nearer than that to the one before are left out, radians.
 const MIN_SEGMENT: f64 = 1e-4;
-/// Ticks that every segment takes at least, so that no two corners fall into one difference of three points.
+/// Ticks that every segment takes at least, so that no two corners fall into one difference of
+/// three points.
 const MIN_TICKS: f64 = 2.0;
 
 /// Numbers of the schedule.
@@ -37,10 +42,17 @@ pub struct Pace {
 #[must_use]
 pub fn schedule(path: &JointPath, robot: &Robot, pace: &Pace) -> Vec<JointConfig> {
     let Pace { max_velocity, max_acceleration, tick_secs } = *pace;
-    assert!([max_velocity, max_acceleration, tick_secs].iter().all(|number| *number > 0.0), "{pace:?} is not positive");
+    assert!(
+        [max_velocity, max_acceleration, tick_secs].iter().all(|number| *number > 0.0),
+        "{pace:?} is not positive"
+    );
     let segments = segments(path, robot, pace);
     let speeds = corner_speeds(&segments, robot, tick_secs);
-    let profiles: Vec<_> = segments.iter().zip(speeds.windows(2)).map(|(segment, ends)| Profile::new(segment, ends)).collect();
+    let profiles: Vec<_> = segments
+        .iter()
+        .zip(speeds.windows(2))
+        .map(|(segment, ends)| Profile::new(segment, ends))
+        .collect();
     let duration: f64 = profiles.iter().map(Profile::duration).sum();
     let n_ticks = (duration / tick_secs).ceil() as usize;
     let mut points = vec![*path.start()];
@@ -71,7 +83,9 @@ struct Segment {
 
 impl Segment {
     fn at(&self, length: f64) -> JointConfig {
-        JointConfig(core::array::from_fn(|j| (f64::from(self.from[j]) + self.direction[j] * length) as f32))
+        JointConfig(core::array::from_fn(|j| {
+            (f64::from(self.from[j]) + self.direction[j] * length) as f32
+        }))
     }
 }
 
@@ -88,9 +102,12 @@ fn segments(path: &JointPath, robot: &Robot, pace: &Pace) -> Vec<Segment> {
         }
         let direction = moved.map(|d| d / length);
         let (mut max_velocity, mut max_acceleration) = (pace.max_velocity, pace.max_acceleration);
-        for (joint, share) in robot.joints.iter().zip(direction.map(f64::abs)).filter(|(_, share)| *share > 0.0) {
+        for (joint, share) in
+            robot.joints.iter().zip(direction.map(f64::abs)).filter(|(_, share)| *share > 0.0)
+        {
             max_velocity = max_velocity.min(f64::from(joint.max_velocity) / share);
-            max_acceleration = max_acceleration.min(CORNER_SHARE * f64::from(joint.max_acceleration) / share);
+            max_acceleration =
+                max_acceleration.min(CORNER_SHARE * f64::from(joint.max_acceleration) / share);
         }
         max_velocity = max_velocity.min(length / (MIN_TICKS * pace.tick_secs));
         segments.push(Segment { from, length, direction, max_velocity, max_acceleration });
@@ -108,12 +125,15 @@ fn corner_speeds(segments: &[Segment], robot: &Robot, tick_secs: f64) -> Vec<f64
         for (j, joint) in robot.joints.iter().enumerate() {
             let turn = (after.direction[j] - before.direction[j]).abs();
             if turn > 0.0 {
-                speed = speed.min(CORNER_SHARE * f64::from(joint.max_acceleration) * tick_secs / turn);
+                speed =
+                    speed.min(CORNER_SHARE * f64::from(joint.max_acceleration) * tick_secs / turn);
             }
         }
         speeds[idx + 1] = speed;
     }
-    let reachable = |from: f64, segment: &Segment| (from * from + 2.0 * segment.max_acceleration * segment.length).sqrt();
+    let reachable = |from: f64, segment: &Segment| {
+        (from * from + 2.0 * segment.max_acceleration * segment.length).sqrt()
+    };
     for (idx, segment) in segments.iter().enumerate() {
         speeds[idx + 1] = speeds[idx + 1].min(reachable(speeds[idx], segment));
     }
@@ -138,7 +158,13 @@ impl Profile {
         let (entry, exit) = (ends[0], ends[1]);
         let (length, acceleration) = (segment.length, segment.max_acceleration);
         let crest = (acceleration * length + 0.5 * (entry * entry + exit * exit)).sqrt();
-        Self { entry, peak: crest.min(segment.max_velocity).max(entry).max(exit), exit, acceleration, length }
+        Self {
+            entry,
+            peak: crest.min(segment.max_velocity).max(entry).max(exit),
+            exit,
+            acceleration,
+            length,
+        }
     }
 
     fn rise(&self) -> f64 {
@@ -150,7 +176,8 @@ impl Profile {
     }
 
     fn cruise(&self) -> f64 {
-        let ramps = 0.5 * (self.entry + self.peak) * self.rise() + 0.5 * (self.exit + self.peak) * self.fall();
+        let ramps = 0.5 * (self.entry + self.peak) * self.rise()
+            + 0.5 * (self.exit + self.peak) * self.fall();
         ((self.length - ramps) / self.peak).max(0.0)
     }
 
@@ -187,14 +214,18 @@ mod tests {
 
     /// Random corners near the arm's start, at distances from one tick's motion to a radian.
     fn corners() -> impl Strategy<Value = JointPath> {
-        let step = (prop::array::uniform7(-1.0_f32..1.0), prop::sample::select(vec![1e-3_f32, 1e-2, 0.1, 0.4]));
+        let step = (
+            prop::array::uniform7(-1.0_f32..1.0),
+            prop::sample::select(vec![1e-3_f32, 1e-2, 0.1, 0.4]),
+        );
         prop::collection::vec(step, 1..30).prop_map(|steps| {
             let mut at = XARM7.start.0;
             let mut configs = vec![at];
             for (direction, scale) in steps {
                 for (j, (q, d)) in at.iter_mut().zip(direction).enumerate() {
                     let joint = &XARM7.joints[j];
-                    *q = (*q + d * scale).clamp(joint.lower.max(-3.0) + 0.05, joint.upper.min(3.0) - 0.05);
+                    *q = (*q + d * scale)
+                        .clamp(joint.lower.max(-3.0) + 0.05, joint.upper.min(3.0) - 0.05);
                 }
                 configs.push(at);
             }
@@ -202,7 +233,8 @@ mod tests {
         })
     }
 
-    /// Greatest second difference of a joint as a share of its acceleration limit, with rest before and after.
+    /// Greatest second difference of a joint as a share of its acceleration limit, with rest before
+    /// and after.
     fn most_acceleration(points: &[JointConfig]) -> f64 {
         let (first, last) = (points[0], points[points.len() - 1]);
         let padded: Vec<_> = [&[first], points, &[last]].concat();
@@ -210,7 +242,11 @@ mod tests {
         for three in padded.windows(3) {
             for (j, joint) in XARM7.joints.iter().enumerate() {
                 let [a, b, c] = [0, 1, 2].map(|i| f64::from(three[i][j]));
-                most = most.max((c - 2.0 * b + a).abs() / (PACE.tick_secs * PACE.tick_secs) / f64::from(joint.max_acceleration));
+                most = most.max(
+                    (c - 2.0 * b + a).abs()
+                        / (PACE.tick_secs * PACE.tick_secs)
+                        / f64::from(joint.max_acceleration),
+                );
             }
         }
         most
@@ -220,7 +256,8 @@ mod tests {
         #[test]
         fn no_joint_exceeds_its_acceleration_at_any_corner(path in corners()) {
             let most = most_acceleration(&schedule(&path, &XARM7, &PACE));
-            // f32 angles of some radians are 2e-7 apart, which is 2e-3 rad/s² over one tick squared.
+            // f32 angles of some radians are 2e-7 apart, which is 2e-3 rad/s² over one tick
+            // squared.
             prop_assert!(most <= 1.0 + 1e-3, "{most}");
         }
 
@@ -247,15 +284,27 @@ mod tests {
 
     #[test]
     fn one_speed_profile_without_slowing_at_corners_would_ask_for_too_much() {
-        let turn = path(vec![[0.0; DOF], [0.3, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0], [0.0, 0.3, 0.0, 0.5, 0.0, 0.0, 0.0]]);
-        let timing = TimingSettings { max_velocity: PACE.max_velocity as f32, max_acceleration: PACE.max_acceleration as f32 };
+        let turn = path(vec![
+            [0.0; DOF],
+            [0.3, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0],
+            [0.0, 0.3, 0.0, 0.5, 0.0, 0.0, 0.0],
+        ]);
+        let timing = TimingSettings {
+            max_velocity: PACE.max_velocity as f32,
+            max_acceleration: PACE.max_acceleration as f32,
+        };
         let plain = TimedPath::new(turn.clone(), &XARM7, &timing).unwrap();
         let n = (plain.duration_secs() / PACE.tick_secs).ceil() as usize;
-        let plain: Vec<_> = (0..=n).map(|tick| plain.config_at(tick as f64 * PACE.tick_secs)).collect();
+        let plain: Vec<_> =
+            (0..=n).map(|tick| plain.config_at(tick as f64 * PACE.tick_secs)).collect();
         assert!(most_acceleration(&plain) > 2.0, "{}", most_acceleration(&plain));
         let slowed = schedule(&turn, &XARM7, &PACE);
         assert!(most_acceleration(&slowed) <= 1.0);
-        assert!(slowed.len() < plain.len() + 40, "slowing down at one corner took {} ticks", slowed.len() - plain.len());
+        assert!(
+            slowed.len() < plain.len() + 40,
+            "slowing down at one corner took {} ticks",
+            slowed.len() - plain.len()
+        );
     }
 
     #[test]
@@ -271,6 +320,9 @@ mod tests {
 
     #[test]
     fn a_path_that_stays_is_its_two_ends() {
-        assert_eq!(schedule(&path(vec![XARM7.start.0; 3]), &XARM7, &PACE), [XARM7.start, XARM7.start]);
+        assert_eq!(
+            schedule(&path(vec![XARM7.start.0; 3]), &XARM7, &PACE),
+            [XARM7.start, XARM7.start]
+        );
     }
 }

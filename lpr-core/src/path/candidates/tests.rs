@@ -35,10 +35,17 @@ fn query<'a>(robot: &'a Robot, scene: &'a Scene, goal: Pose3) -> PathQuery<'a> {
 
 /// A table and a post, as a camera's cloud.
 fn tabletop(robot: &Robot, goal: &Pose3) -> Scene {
-    let table = (0..50_u8).flat_map(|x| (0..60_u8).map(move |y| Vec3::new(f32::from(x), f32::from(y) - 30.0, 0.0) * 0.02));
+    let table = (0..50_u8).flat_map(|x| {
+        (0..60_u8).map(move |y| Vec3::new(f32::from(x), f32::from(y) - 30.0, 0.0) * 0.02)
+    });
     let post = (0..30_u8).map(|z| Vec3::new(0.5, 0.1, 0.02 * f32::from(z)));
     let points: Vec<Vec3> = table.chain(post).collect();
-    let query = ObstacleQuery { robot, measured: &robot.start, goal: Some(goal), holding: Holding::Nothing };
+    let query = ObstacleQuery {
+        robot,
+        measured: &robot.start,
+        goal: Some(goal),
+        holding: Holding::Nothing,
+    };
     obstacle_scene(&query, &points)
 }
 
@@ -47,7 +54,11 @@ fn of_source(set: &CandidateSet, source: Source) -> Vec<&CandidatePath> {
 }
 
 fn reasons(set: &CandidateSet, source: Source) -> Vec<Rejection> {
-    set.rejected.iter().filter(|rejected| rejected.source == source).map(|rejected| rejected.reason).collect()
+    set.rejected
+        .iter()
+        .filter(|rejected| rejected.source == source)
+        .map(|rejected| rejected.reason)
+        .collect()
 }
 
 proptest! {
@@ -110,8 +121,17 @@ fn the_number_of_threads_changes_nothing() {
 fn in_free_space_all_paths_are_admitted_and_none_collides() {
     let (robot, scene) = (stick_arm(), Scene::empty());
     let query = query(&robot, &scene, goal(&robot, [-0.05, 0.2, -0.4]));
-    let set = candidates(&query, &CandidateSettings { bezier: BezierSettings { sigma: 0.02 }, ..settings() }, STREAMS);
-    assert_eq!((of_source(&set, Source::Planner).len(), of_source(&set, Source::Bezier).len()), (8, 6), "{:?}", set.rejected);
+    let set = candidates(
+        &query,
+        &CandidateSettings { bezier: BezierSettings { sigma: 0.02 }, ..settings() },
+        STREAMS,
+    );
+    assert_eq!(
+        (of_source(&set, Source::Planner).len(), of_source(&set, Source::Bezier).len()),
+        (8, 6),
+        "{:?}",
+        set.rejected
+    );
     assert!(of_source(&set, Source::Bezier).iter().all(|candidate| !candidate.collides));
 }
 
@@ -142,7 +162,12 @@ fn checks_on_give_free_paths_and_checks_off_straight_ones() {
     let scene = Scene::from_primitives(vec![post]);
     let query = query(&robot, &scene, goal);
     let with_share = |planner_collision_free_fraction| {
-        let settings = CandidateSettings { planner_collision_free_fraction, path_len: 30, bezier_paths: 0, ..settings() };
+        let settings = CandidateSettings {
+            planner_collision_free_fraction,
+            path_len: 30,
+            bezier_paths: 0,
+            ..settings()
+        };
         candidates(&query, &settings, STREAMS).candidates
     };
     let checked = with_share(1.0);
@@ -182,8 +207,11 @@ fn a_start_or_goal_that_is_not_finite_gives_no_candidates() {
 fn a_start_or_goal_in_an_obstacle_leaves_the_paths_without_checks() {
     let robot = stick_arm();
     let goal = goal(&robot, [0.0, 0.3, -0.4]);
-    for (at, reason) in [(robot.grip(&robot.start), Rejection::StartCollides), (goal, Rejection::GoalCollides)] {
-        let scene = Scene::from_primitives(vec![Primitive::Sphere { center: at.translation, radius: 0.1 }]);
+    for (at, reason) in
+        [(robot.grip(&robot.start), Rejection::StartCollides), (goal, Rejection::GoalCollides)]
+    {
+        let scene =
+            Scene::from_primitives(vec![Primitive::Sphere { center: at.translation, radius: 0.1 }]);
         let set = candidates(&query(&robot, &scene, goal), &settings(), STREAMS);
         assert_eq!(reasons(&set, Source::Planner), [reason; 4]);
         assert_eq!(of_source(&set, Source::Planner).len(), 4);
@@ -214,7 +242,11 @@ fn the_policy_path_is_admitted_when_short_and_its_ends_are_moved() {
     let near_goal = robot.ik_nearest(&goal, &robot.start).unwrap();
     let with_policy = |configs: Vec<JointConfig>, settings: &CandidateSettings| {
         let proposal = JointPath(configs);
-        candidates(&PathQuery { policy_path: Some(&proposal), ..query(&robot, &scene, goal) }, settings, STREAMS)
+        candidates(
+            &PathQuery { policy_path: Some(&proposal), ..query(&robot, &scene, goal) },
+            settings,
+            STREAMS,
+        )
     };
     let mut slightly_off = near_goal;
     slightly_off[2] += 0.05;
@@ -248,7 +280,8 @@ fn the_baseline_goes_straight_and_where_it_cannot_takes_the_nearest_goal() {
 
     // Turned almost about: the last joint meets its limit on the way.
     let start = robot.grip(&robot.start);
-    let turned = Pose3::from_parts(near.goal.translation, start.rotation * Quat::from_rotation_z(2.9));
+    let turned =
+        Pose3::from_parts(near.goal.translation, start.rotation * Quat::from_rotation_z(2.9));
     let about = query(&robot, &scene, turned);
     assert!(linear_candidate(&about, &settings()).is_err());
     let path = c2farm_path(&about, &settings(), STREAMS).unwrap();
@@ -267,8 +300,13 @@ fn every_planner_gives_candidates_that_do_not_collide() {
     let scene = Scene::from_primitives(vec![post]);
     let mut sets = Vec::new();
     for planner in PlannerKind::ALL {
-        let settings =
-            CandidateSettings { planner, planner_collision_free_fraction: 1.0, path_len: 30, bezier_paths: 0, ..settings() };
+        let settings = CandidateSettings {
+            planner,
+            planner_collision_free_fraction: 1.0,
+            path_len: 30,
+            bezier_paths: 0,
+            ..settings()
+        };
         let set = candidates(&query(&robot, &scene, goal), &settings, STREAMS);
         let free = set.candidates.iter().filter(|candidate| !candidate.collides).count();
         assert!(free > 0, "{}: {:?}", planner.name(), set.rejected);
@@ -293,7 +331,10 @@ fn settings_out_of_range_are_named() {
     assert_eq!(settings().check(), Ok(()));
     for (settings, name) in [
         (CandidateSettings { path_len: 1, ..settings() }, "path_len"),
-        (CandidateSettings { planner_collision_free_fraction: 1.5, ..settings() }, "planner_collision_free_fraction"),
+        (
+            CandidateSettings { planner_collision_free_fraction: 1.5, ..settings() },
+            "planner_collision_free_fraction",
+        ),
         (CandidateSettings { draws_per_path: 0, ..settings() }, "draws_per_path"),
         (CandidateSettings { bezier: BezierSettings { sigma: f32::NAN }, ..settings() }, "sigma"),
     ] {
@@ -309,17 +350,23 @@ fn a_screw_motion_joins_the_set_where_it_is_asked_for_and_moves_no_other_path() 
     // A door's handle, 30 cm from its hinge, opened by half a radian.
     let hinge = start.translation + Vec3::new(0.0, 0.3, 0.0);
     let turn = Quat::from_rotation_z(-0.5);
-    let opened = Pose3::from_parts(hinge + turn * (start.translation - hinge), turn * start.rotation);
+    let opened =
+        Pose3::from_parts(hinge + turn * (start.translation - hinge), turn * start.rotation);
     let query = query(robot, &scene, opened);
     let without = candidates(&query, &settings(), STREAMS);
     let with = candidates(&query, &CandidateSettings { screw_paths: 1, ..settings() }, STREAMS);
-    let (screws, others): (Vec<_>, Vec<_>) = with.candidates.into_iter().partition(|candidate| candidate.source == Source::Screw);
+    let (screws, others): (Vec<_>, Vec<_>) =
+        with.candidates.into_iter().partition(|candidate| candidate.source == Source::Screw);
     assert_eq!((others, with.rejected), (without.candidates, without.rejected));
     let [CandidatePath { path, .. }] = screws.as_slice() else { panic!("{} screws", screws.len()) };
     assert_eq!(path.configs().len(), settings().path_len);
     for config in path.configs() {
         let grip = robot.grip(config).translation;
-        assert!((grip.distance(hinge) - 0.3).abs() < 2e-3, "{} from the hinge", grip.distance(hinge));
+        assert!(
+            (grip.distance(hinge) - 0.3).abs() < 2e-3,
+            "{} from the hinge",
+            grip.distance(hinge)
+        );
     }
 }
 

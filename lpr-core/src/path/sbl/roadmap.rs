@@ -6,7 +6,8 @@ use crate::rng::Rng;
 use crate::robot::JointConfig;
 use rand::RngExt as _;
 
-/// Cells along each of the two joints that they are laid over: about half a radian wide, for a joint that turns once.
+/// Cells along each of the two joints that they are laid over: about half a radian wide, for a
+/// joint that turns once.
 const CELLS: usize = 10;
 
 /// What a tree grows from.
@@ -63,7 +64,12 @@ struct Cells {
 }
 
 impl Roadmap {
-    pub(super) fn new(start: &JointConfig, goals: &[JointConfig], bounds: Bounds, pair: [usize; 2]) -> Self {
+    pub(super) fn new(
+        start: &JointConfig,
+        goals: &[JointConfig],
+        bounds: Bounds,
+        pair: [usize; 2],
+    ) -> Self {
         let cells = [Cells::new(), Cells::new()];
         let mut roadmap = Self { milestones: Vec::new(), bounds, pair, cells };
         roadmap.add(*start, Root::Start, 0, Edge::Free);
@@ -115,31 +121,37 @@ impl Roadmap {
         })
     }
 
-    /// A milestone of any cell of a tree, all occupied cells being as likely: where milestones are few, each is the likelier.
+    /// A milestone of any cell of a tree, all occupied cells being as likely: where milestones are
+    /// few, each is the likelier.
     pub(super) fn sparse(&self, root: Root, rng: &mut Rng) -> usize {
         let Cells { members, occupied } = &self.cells[root as usize];
         let members = &members[occupied[rng.random_range(0..occupied.len())]];
         members[rng.random_range(0..members.len())]
     }
 
-    /// The nearest milestone of the other tree in the same cell or one beside it, by the joint that differs most.
+    /// The nearest milestone of the other tree in the same cell or one beside it, by the joint that
+    /// differs most.
     pub(super) fn nearest_opposite(&self, milestone: usize) -> Option<usize> {
         let config = self.config(milestone);
         let members = &self.cells[self.root(milestone).other() as usize].members;
         let [x, y] = self.cell(config).map(|c| c.saturating_sub(1)..=(c + 1).min(CELLS - 1));
-        let near = x.flat_map(|x| y.clone().map(move |y| [x, y])).flat_map(|cell| &members[index(cell)]);
+        let near =
+            x.flat_map(|x| y.clone().map(move |y| [x, y])).flat_map(|cell| &members[index(cell)]);
         let distances = near.map(|&other| (config.max_joint_distance(self.config(other)), other));
         distances.min_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, other)| other)
     }
 
     /// A milestone and all before it, up to the root.
     fn to_root(&self, milestone: usize) -> impl Iterator<Item = usize> {
-        core::iter::successors(Some(milestone), |&at| Some(self.milestones[at].parent).filter(|&parent| parent != at))
+        core::iter::successors(Some(milestone), |&at| {
+            Some(self.milestones[at].parent).filter(|&parent| parent != at)
+        })
     }
 
     /// Child and parent of every edge between a milestone and its root of which nothing is known.
     pub(super) fn unknown_edges(&self, milestone: usize) -> Vec<(usize, usize)> {
-        let unknown = self.to_root(milestone).filter(|&at| self.milestones[at].edge == Edge::Unknown);
+        let unknown =
+            self.to_root(milestone).filter(|&at| self.milestones[at].edge == Edge::Unknown);
         unknown.map(|at| (at, self.milestones[at].parent)).collect()
     }
 
@@ -150,14 +162,15 @@ impl Roadmap {
     /// The path from the start to a goal through milestones of the two trees.
     pub(super) fn path_through(&self, a: usize, b: usize) -> JointPath {
         let (from_start, to_goal) = if self.root(a) == Root::Start { (a, b) } else { (b, a) };
-        let mut configs: Vec<JointConfig> = self.to_root(from_start).map(|at| *self.config(at)).collect();
+        let mut configs: Vec<JointConfig> =
+            self.to_root(from_start).map(|at| *self.config(at)).collect();
         configs.reverse();
         configs.extend(self.to_root(to_goal).map(|at| *self.config(at)));
         JointPath(configs)
     }
 
-    /// Takes `child` off its parent; it and all that hangs on it go to the other tree, over a `bridge` from `near`, one of
-    /// them, to `far`.
+    /// Takes `child` off its parent; it and all that hangs on it go to the other tree, over a
+    /// `bridge` from `near`, one of them, to `far`.
     pub(super) fn transfer(&mut self, child: usize, near: usize, far: usize, bridge: Edge) {
         let (mut at, mut new_parent, mut new_edge) = (near, far, bridge);
         loop {
@@ -226,7 +239,8 @@ mod tests {
         Roadmap::new(&at(-1.0), &[at(1.0), at(2.0)], [(-3.0, 3.0); DOF], [0, 1])
     }
 
-    /// Every milestone hangs on its parent, is in its parent's tree and in exactly its own cell of that tree.
+    /// Every milestone hangs on its parent, is in its parent's tree and in exactly its own cell of
+    /// that tree.
     fn check(roadmap: &Roadmap) {
         for (idx, milestone) in roadmap.milestones.iter().enumerate() {
             let root = roadmap.to_root(idx).last().unwrap();
@@ -236,7 +250,9 @@ mod tests {
                 assert_eq!(siblings.iter().filter(|&&other| other == idx).count(), 1);
             }
             let cell = index(roadmap.cell(&milestone.config));
-            let count = |cells: &Cells| cells.members.iter().flatten().filter(|&&other| other == idx).count();
+            let count = |cells: &Cells| {
+                cells.members.iter().flatten().filter(|&&other| other == idx).count()
+            };
             assert_eq!(count(&roadmap.cells[milestone.root as usize]), 1);
             assert_eq!(count(&roadmap.cells[milestone.root.other() as usize]), 0);
             assert!(roadmap.cells[milestone.root as usize].members[cell].contains(&idx));
@@ -260,9 +276,13 @@ mod tests {
         roadmap.mark_free(c);
         roadmap.transfer(b, c, 1, Edge::Free);
         check(&roadmap);
-        assert_eq!([a, b, c, aside].map(|m| roadmap.root(m)), [Root::Start, Root::Goal, Root::Goal, Root::Goal]);
+        assert_eq!(
+            [a, b, c, aside].map(|m| roadmap.root(m)),
+            [Root::Start, Root::Goal, Root::Goal, Root::Goal]
+        );
         assert_eq!(roadmap.to_root(aside).collect::<Vec<_>>(), [aside, b, c, 1]);
-        // The edge between b and c is the same, seen from the other end; that between b and a is gone.
+        // The edge between b and c is the same, seen from the other end; that between b and a is
+        // gone.
         assert_eq!(roadmap.unknown_edges(aside), [(aside, b)]);
         assert!(roadmap.milestones[a].children.is_empty());
     }

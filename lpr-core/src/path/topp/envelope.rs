@@ -1,13 +1,15 @@
 //! What one interval allows the squares of the path's speed at its two ends.
 //!
-//! With `x` and `y` the squares of the path's speed at the start and the end of an interval of width `h`, the path's acceleration
-//! on it is `u = (y - x) / 2h`, and its squared speed is linear along it. A joint's acceleration `q' u + q'' ẋ²` is then a
-//! polynomial of degree 2 in the chord length and the square of its velocity one of degree 5. A polynomial is never above its
-//! largest Bernstein coefficient, and these are linear in `x` and `y`: limits become rows `|a x + b y| ≤ 1`, and what keeps them
-//! keeps the limits on all of the interval, not only where it was looked at.
+//! With `x` and `y` the squares of the path's speed at the start and the end of an interval of
+//! width `h`, the path's acceleration on it is `u = (y - x) / 2h`, and its squared speed is linear
+//! along it. A joint's acceleration `q' u + q'' ẋ²` is then a polynomial of degree 2 in the chord
+//! length and the square of its velocity one of degree 5. A polynomial is never above its largest
+//! Bernstein coefficient, and these are linear in `x` and `y`: limits become rows
+//! `|a x + b y| ≤ 1`, and what keeps them keeps the limits on all of the interval, not only where
+//! it was looked at.
 //!
-//! Every row leaves room around the origin, so that the largest `x` follows from one variable: along the ray `y = r x` it is one
-//! over the largest `|a + b r|`, a convex function of `r`.
+//! Every row leaves room around the origin, so that the largest `x` follows from one variable:
+//! along the ray `y = r x` it is one over the largest `|a + b r|`, a convex function of `r`.
 
 use super::grid::Interval;
 use super::spline::Piece;
@@ -17,19 +19,23 @@ use crate::robot::DOF;
 /// Rows of a joint: three coefficients of its acceleration and six of its squared velocity.
 const ROWS_PER_JOINT: usize = 9;
 
-/// Rows of an interval: of the joints, six of the grip's speed, the two of [`Rows::of`], and an empty one.
+/// Rows of an interval: of the joints, six of the grip's speed, the two of [`Rows::of`], and an
+/// empty one.
 const N_ROWS: usize = DOF * ROWS_PER_JOINT + 9;
 
-/// Share by which rows may be exceeded where `x` is the largest there is: rounding would else leave no `y` beside it.
+/// Share by which rows may be exceeded where `x` is the largest there is: rounding would else leave
+/// no `y` beside it.
 const SLACK: f64 = 1e-9;
 
 /// Rows that are compared side by side.
 const LANES: usize = 4;
 
-/// Squares of path speeds that no limit leaves are cut off here, (rad/s)²: where every derivative of the curve vanishes at once.
+/// Squares of path speeds that no limit leaves are cut off here, (rad/s)²: where every derivative
+/// of the curve vanishes at once.
 const MAX_SQUARE: f64 = 1e12;
 
-/// The squared speed falls by no more than this factor over an interval, so that the path never stands still on its way.
+/// The squared speed falls by no more than this factor over an interval, so that the path never
+/// stands still on its way.
 const LEAST_RATIO: f64 = 1e-4;
 
 /// Rows `|a x + b y| ≤ 1`.
@@ -55,9 +61,16 @@ pub(super) struct Ray {
 }
 
 impl Rows {
-    /// The rows of an interval at whose end the squared speed is at most `max_end`; 0 leaves that to the caller's ray.
-    pub(super) fn of(piece: &Piece, interval: &Interval, limits: &MotionLimits, max_end: f64) -> Self {
-        let mut rows = Self { a: [[0.0; LANES]; N_ROWS / LANES], b: [[0.0; LANES]; N_ROWS / LANES], n: 0 };
+    /// The rows of an interval at whose end the squared speed is at most `max_end`; 0 leaves that
+    /// to the caller's ray.
+    pub(super) fn of(
+        piece: &Piece,
+        interval: &Interval,
+        limits: &MotionLimits,
+        max_end: f64,
+    ) -> Self {
+        let mut rows =
+            Self { a: [[0.0; LANES]; N_ROWS / LANES], b: [[0.0; LANES]; N_ROWS / LANES], n: 0 };
         rows.push(1.0 / MAX_SQUARE, 0.0);
         rows.push(0.0, if max_end > 0.0 { 1.0 / max_end } else { 0.0 });
         rows.push_squared_speed(&interval.grip.0);
@@ -79,11 +92,17 @@ impl Rows {
             let slopes = [first[j], first[j] + half_width * second[j], first_at_end[j]];
             let per_velocity = 1.0 / (limits.velocity[j] * limits.velocity[j]);
             self.push_squared_speed(&square(slopes).map(|square| square * per_velocity));
-            self.push_acceleration(slopes, [second[j], second_at_end[j]], interval.width, limits.acceleration[j]);
+            self.push_acceleration(
+                slopes,
+                [second[j], second_at_end[j]],
+                interval.width,
+                limits.acceleration[j],
+            );
         }
     }
 
-    /// Rows of `slopes u + bends x` within ±`limit`; `slopes` are the coefficients of a parabola, `bends` those of a line.
+    /// Rows of `slopes u + bends x` within ±`limit`; `slopes` are the coefficients of a parabola,
+    /// `bends` those of a line.
     fn push_acceleration(&mut self, slopes: [f64; 3], bends: [f64; 2], width: f64, limit: f64) {
         let per_limit = 1.0 / limit;
         let [start, middle, end] = slopes.map(|slope| slope * (0.5 / width * per_limit));
@@ -151,7 +170,8 @@ impl Rows {
 
     /// The side of a row whose line is highest at `ratio`.
     fn top(&self, ratio: f64) -> Row {
-        let (mut top_a, mut top_b, mut heights) = (self.a[0], self.b[0], [f64::NEG_INFINITY; LANES]);
+        let (mut top_a, mut top_b, mut heights) =
+            (self.a[0], self.b[0], [f64::NEG_INFINITY; LANES]);
         for (a, b) in self.a.iter().zip(&self.b) {
             for lane in 0..LANES {
                 let height = (a[lane] + b[lane] * ratio).abs();
@@ -161,7 +181,8 @@ impl Rows {
                 top_b[lane] = if is_higher { b[lane] } else { top_b[lane] };
             }
         }
-        let lane = (1..LANES).fold(0, |top, lane| if heights[lane] > heights[top] { lane } else { top });
+        let lane =
+            (1..LANES).fold(0, |top, lane| if heights[lane] > heights[top] { lane } else { top });
         let (a, b) = (top_a[lane], top_b[lane]);
         if a + b * ratio < 0.0 { Row { a: -a, b: -b } } else { Row { a, b } }
     }
@@ -188,7 +209,8 @@ mod tests {
     use crate::robot::JointConfig;
     use proptest::prelude::*;
 
-    const LIMITS: MotionLimits = MotionLimits { velocity: [2.0; DOF], acceleration: [8.0; DOF], jerk: None };
+    const LIMITS: MotionLimits =
+        MotionLimits { velocity: [2.0; DOF], acceleration: [8.0; DOF], jerk: None };
 
     fn path() -> impl Strategy<Value = SmoothPath> {
         prop::collection::vec(prop::array::uniform7(-2.0_f32..2.0).prop_map(JointConfig), 2..8)
@@ -206,7 +228,9 @@ mod tests {
             let square = x + t * (y - x);
             for (slope, bend) in piece.first(offset).into_iter().zip(piece.second(offset)) {
                 let velocity = slope.abs() * libm::sqrt(square) / LIMITS.velocity[0];
-                greatest = greatest.max(velocity).max((slope * u + bend * square).abs() / LIMITS.acceleration[0]);
+                greatest = greatest
+                    .max(velocity)
+                    .max((slope * u + bend * square).abs() / LIMITS.acceleration[0]);
             }
         }
         greatest

@@ -31,13 +31,22 @@ struct Record {
 #[test]
 fn durations_are_those_of_toppra() {
     let golden: Golden = serde_json::from_str(GOLDEN).expect("golden file");
-    assert_eq!(golden.limits.acceleration, PANDA.joints.map(|joint| f64::from(joint.max_acceleration)));
-    let limits = MotionLimits { velocity: golden.limits.velocity, acceleration: golden.limits.acceleration, jerk: None };
+    assert_eq!(
+        golden.limits.acceleration,
+        PANDA.joints.map(|joint| f64::from(joint.max_acceleration))
+    );
+    let limits = MotionLimits {
+        velocity: golden.limits.velocity,
+        acceleration: golden.limits.acceleration,
+        jerk: None,
+    };
     assert_eq!(golden.paths.len(), 40);
     for (idx, record) in golden.paths.into_iter().enumerate() {
         let path = SmoothPath::through(&JointPath::new(record.waypoints).unwrap());
-        let ratio = time_optimal(&path, &limits, None).unwrap().duration_secs() / record.duration_secs;
-        // On toppra's grid limits hold at grid points only, so that it may be a little faster than they allow.
+        let ratio =
+            time_optimal(&path, &limits, None).unwrap().duration_secs() / record.duration_secs;
+        // On toppra's grid limits hold at grid points only, so that it may be a little faster than
+        // they allow.
         assert!((0.999..1.05).contains(&ratio), "path {idx}: {ratio} times as long");
     }
 }

@@ -9,7 +9,8 @@ const INTERVALS: f64 = 128.0;
 /// Intervals of one piece, where pieces are few.
 const INTERVALS_PER_PIECE: usize = 16;
 
-/// Intervals up to which every piece has [`INTERVALS_PER_PIECE`]; curves through more configurations are fine enough without.
+/// Intervals up to which every piece has [`INTERVALS_PER_PIECE`]; curves through more
+/// configurations are fine enough without.
 const ENOUGH_INTERVALS: usize = 2048;
 
 /// A stretch of one piece of the curve.
@@ -39,7 +40,12 @@ impl Interval {
     /// Its part after `share` of it.
     pub(super) fn after(&self, share: f64) -> Self {
         let skipped = share * self.width;
-        Self { offset: self.offset + skipped, width: self.width - skipped, grip: self.grip.constant(), ..*self }
+        Self {
+            offset: self.offset + skipped,
+            width: self.width - skipped,
+            grip: self.grip.constant(),
+            ..*self
+        }
     }
 
     /// The same stretch on the reversed curve, whose pieces count from the other end.
@@ -57,12 +63,21 @@ pub(super) fn grid(path: &SmoothPath) -> Vec<Interval> {
         let length = path.piece(piece).length;
         let n = (libm::ceil(INTERVALS * length / path.chord_length()) as usize).max(at_least);
         let width = length / n as f64;
-        intervals.extend((0..n).map(|i| Interval { piece, offset: i as f64 * width, width, grip: GripBound::NONE }));
+        intervals.extend((0..n).map(|i| Interval {
+            piece,
+            offset: i as f64 * width,
+            width,
+            grip: GripBound::NONE,
+        }));
     }
     intervals
 }
 
 /// The intervals of the reversed curve.
 pub(super) fn reversed(path: &SmoothPath, intervals: &[Interval]) -> Vec<Interval> {
-    intervals.iter().rev().map(|interval| interval.reversed(&path.piece(interval.piece), path.n_pieces())).collect()
+    intervals
+        .iter()
+        .rev()
+        .map(|interval| interval.reversed(&path.piece(interval.piece), path.n_pieces()))
+        .collect()
 }

@@ -1,16 +1,19 @@
 //! The fastest motion along a smooth curve that keeps the limits of joints and grip.
 //!
-//! Reachability analysis after Pham and Pham, "A New Approach to Time-Optimal Path Parameterization Based on Reachability
-//! Analysis" (2018): from the goal back, every grid point gets the highest speed from which the rest of the path can be driven;
-//! from the start forth, the path is driven as fast as these allow.
+//! Reachability analysis after Pham and Pham, "A New Approach to Time-Optimal Path Parameterization
+//! Based on Reachability Analysis" (2018): from the goal back, every grid point gets the highest
+//! speed from which the rest of the path can be driven; from the start forth, the path is driven as
+//! fast as these allow.
 //!
 //! # Differences from the paper
 //!
 //! - Limits are kept on all of the path, not at grid points: see `envelope.rs`.
-//! - All limits are symmetric, so that standing still is always allowed and every controllable set begins at 0.
-//! - With a jerk limit the accelerations grow from 0 on a ramp at the start and fall to 0 on one at the end; each joins the motion
-//!   between them without a jump. Between the ramps accelerations may jump, as time-optimal ones do. Where the curve is too short
-//!   or too bent for a ramp to reach the largest acceleration, the jump stands after the interval that follows the ramp.
+//! - All limits are symmetric, so that standing still is always allowed and every controllable set
+//!   begins at 0.
+//! - With a jerk limit the accelerations grow from 0 on a ramp at the start and fall to 0 on one at
+//!   the end; each joins the motion between them without a jump. Between the ramps accelerations
+//!   may jump, as time-optimal ones do. Where the curve is too short or too bent for a ramp to
+//!   reach the largest acceleration, the jump stands after the interval that follows the ramp.
 
 mod envelope;
 mod grid;
@@ -55,7 +58,11 @@ use ramp::Ramp;
 /// # Errors
 ///
 /// When a limit is not a positive number, or so small that the duration is none.
-pub fn time_optimal(path: &SmoothPath, limits: &MotionLimits, grip: Option<&GripSpeedLimit<'_>>) -> Result<Trajectory> {
+pub fn time_optimal(
+    path: &SmoothPath,
+    limits: &MotionLimits,
+    grip: Option<&GripSpeedLimit<'_>>,
+) -> Result<Trajectory> {
     limits.check()?;
     grip.map_or(Ok(()), GripSpeedLimit::check)?;
     let (start, goal) = (path.angles_at(0.0), path.angles_at(path.chord_length()));
@@ -66,7 +73,11 @@ pub fn time_optimal(path: &SmoothPath, limits: &MotionLimits, grip: Option<&Grip
     Trajectory::new(JointState::standing(start), goal, motion.duration(), Motion::AlongPath(motion))
 }
 
-fn fastest(path: &SmoothPath, limits: &MotionLimits, grip: Option<&GripSpeedLimit<'_>>) -> PathMotion {
+fn fastest(
+    path: &SmoothPath,
+    limits: &MotionLimits,
+    grip: Option<&GripSpeedLimit<'_>>,
+) -> PathMotion {
     let mut intervals = grid(path);
     if let Some(limit) = grip {
         limit_grip(path, &mut intervals, limit);
@@ -77,7 +88,8 @@ fn fastest(path: &SmoothPath, limits: &MotionLimits, grip: Option<&GripSpeedLimi
         let end = Ramp::over(&path.reversed(), &reversed(path, &intervals)[..half], limits, &jerk);
         Ramps { start, end }
     });
-    let between = ramps.map_or_else(|| intervals.clone(), |ramps| without_ramps(&intervals, &ramps));
+    let between =
+        ramps.map_or_else(|| intervals.clone(), |ramps| without_ramps(&intervals, &ramps));
     let squares = squared_speeds(path, &between, limits, ramps.as_ref());
     PathMotion::new(path.clone(), &between, &squares, ramps.as_ref())
 }

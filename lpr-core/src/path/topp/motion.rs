@@ -32,8 +32,14 @@ pub(super) struct Stretch {
 }
 
 impl PathMotion {
-    /// The motion with the squared speeds `squares` around `intervals`, (rad/s)², and with `ramps` before and after them.
-    pub(super) fn new(path: SmoothPath, intervals: &[Interval], squares: &[f64], ramps: Option<&Ramps>) -> Self {
+    /// The motion with the squared speeds `squares` around `intervals`, (rad/s)², and with `ramps`
+    /// before and after them.
+    pub(super) fn new(
+        path: SmoothPath,
+        intervals: &[Interval],
+        squares: &[f64],
+        ramps: Option<&Ramps>,
+    ) -> Self {
         let mut stretches = Vec::with_capacity(intervals.len() + 2);
         stretches.extend(ramps.map(|ramps| Stretch::first(ramps.start.length, squares[0])));
         for (interval, pair) in intervals.iter().zip(squares.windows(2)) {
@@ -41,7 +47,8 @@ impl PathMotion {
             stretches.push(Stretch::between(at, interval.width, pair[0], pair[1]));
         }
         let last = squares[squares.len() - 1];
-        stretches.extend(ramps.map(|ramps| Stretch::last(path.chord_length(), ramps.end.length, last)));
+        stretches
+            .extend(ramps.map(|ramps| Stretch::last(path.chord_length(), ramps.end.length, last)));
         let mut since = 0.0;
         for stretch in &mut stretches {
             stretch.since = since;
@@ -67,7 +74,9 @@ impl PathMotion {
         JointState {
             angles: piece.angles(offset),
             velocities: first.map(|slope| slope * speed),
-            accelerations: core::array::from_fn(|j| first[j] * acceleration + second[j] * speed * speed),
+            accelerations: core::array::from_fn(|j| {
+                first[j] * acceleration + second[j] * speed * speed
+            }),
         }
     }
 }
@@ -89,7 +98,8 @@ impl Stretch {
         Self { since: 0.0, duration, at, end: at + width, speed, acceleration, jerk: 0.0 }
     }
 
-    /// From the squared speed `square` to rest at the chord length `end` at constant jerk: the first one backwards.
+    /// From the squared speed `square` to rest at the chord length `end` at constant jerk: the
+    /// first one backwards.
     fn last(end: f64, length: f64, square: f64) -> Self {
         let first = Self::first(length, square);
         let acceleration = -first.jerk * first.duration;

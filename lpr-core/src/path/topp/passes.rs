@@ -1,4 +1,5 @@
-//! The two passes: how fast the path can be driven at most, from the goal back, and how fast it is driven, from the start forth.
+//! The two passes: how fast the path can be driven at most, from the goal back, and how fast it is
+//! driven, from the start forth.
 
 use super::envelope::{Ray, Rows};
 use super::grid::Interval;
@@ -14,10 +15,11 @@ pub(super) struct Ramps {
     pub(super) end: Ramp,
 }
 
-/// The largest squares of the path's speed at the start of every interval and at the end of the last, (rad/s)².
+/// The largest squares of the path's speed at the start of every interval and at the end of the
+/// last, (rad/s)².
 ///
-/// Without ramps the path starts and ends at rest. With them it goes on from a ramp, or towards one, at the acceleration that the
-/// ramp has there.
+/// Without ramps the path starts and ends at rest. With them it goes on from a ramp, or towards
+/// one, at the acceleration that the ramp has there.
 pub(super) fn squared_speeds(
     path: &SmoothPath,
     intervals: &[Interval],
@@ -41,14 +43,22 @@ pub(super) fn squared_speeds(
     squares
 }
 
-/// For every interval the largest square at its start from which the rest can be driven, and how it then goes on.
-fn controllable(path: &SmoothPath, intervals: &[Interval], limits: &MotionLimits, ramps: Option<&Ramps>) -> Vec<Ray> {
+/// For every interval the largest square at its start from which the rest can be driven, and how it
+/// then goes on.
+fn controllable(
+    path: &SmoothPath,
+    intervals: &[Interval],
+    limits: &MotionLimits,
+    ramps: Option<&Ramps>,
+) -> Vec<Ray> {
     let mut rays = vec![Ray { ratio: 0.0, max: 0.0 }; intervals.len()];
     let mut max_end = ramps.map_or(0.0, |ramps| ramps.end.max_square);
     for (idx, interval) in intervals.iter().enumerate().rev() {
         let rows = Rows::of(&path.piece(interval.piece), interval, limits, max_end);
         rays[idx] = match ramps {
-            Some(ramps) if idx + 1 == intervals.len() => rows.ray(1.0 / growth(interval, &ramps.end)),
+            Some(ramps) if idx + 1 == intervals.len() => {
+                rows.ray(1.0 / growth(interval, &ramps.end))
+            }
             Some(ramps) if idx == 0 => rows.ray(growth(interval, &ramps.start)),
             None if idx + 1 == intervals.len() => rows.ray(0.0),
             _ => rows.highest_ray(max_end),
@@ -58,7 +68,8 @@ fn controllable(path: &SmoothPath, intervals: &[Interval], limits: &MotionLimits
     rays
 }
 
-/// By which factor the squared speed grows on an interval at the acceleration with which a ramp ends.
+/// By which factor the squared speed grows on an interval at the acceleration with which a ramp
+/// ends.
 fn growth(interval: &Interval, ramp: &Ramp) -> f64 {
     1.0 + 4.0 / 3.0 * interval.width / ramp.length
 }

@@ -1,16 +1,18 @@
 //! Starts whose acceleration grows from nothing at a constant rate.
 //!
-//! On a ramp the chord length is `s = j t³ / 6`. With `u` the path's acceleration where the ramp ends at the length `l`, its
-//! squared speed there is `3 l u / 2` and `u³ = 6 j² l`; a joint's jerk is `j (q' + 9 s q'' + 9/2 s² q''')`, its acceleration at
-//! most `u |q' + 3/2 s q''|`. Both factors are parabolas on a piece of the curve, so that every limit bounds `u` from above by
-//! Bernstein coefficients. Ends are the starts of the reversed curve.
+//! On a ramp the chord length is `s = j t³ / 6`. With `u` the path's acceleration where the ramp
+//! ends at the length `l`, its squared speed there is `3 l u / 2` and `u³ = 6 j² l`; a joint's jerk
+//! is `j (q' + 9 s q'' + 9/2 s² q''')`, its acceleration at most `u |q' + 3/2 s q''|`. Both factors
+//! are parabolas on a piece of the curve, so that every limit bounds `u` from above by Bernstein
+//! coefficients. Ends are the starts of the reversed curve.
 
 use super::grid::Interval;
 use super::spline::{Piece, SmoothPath};
 use crate::path::MotionLimits;
 use crate::robot::DOF;
 
-/// A ramp that would end later than this within an interval ends with it, so that what is left is no sliver.
+/// A ramp that would end later than this within an interval ends with it, so that what is left is
+/// no sliver.
 const LATE: f64 = 0.8;
 
 /// Rounds by which the end of a ramp is found within an interval: to 2⁻⁴⁰ of it.
@@ -30,9 +32,14 @@ pub(super) struct Ramp {
 }
 
 impl Ramp {
-    /// The shortest ramp to an acceleration at which another limit than that of the jerk decides; where there is none on
-    /// `intervals`, the one to the highest acceleration.
-    pub(super) fn over(path: &SmoothPath, intervals: &[Interval], limits: &MotionLimits, jerk: &[f64; DOF]) -> Self {
+    /// The shortest ramp to an acceleration at which another limit than that of the jerk decides;
+    /// where there is none on `intervals`, the one to the highest acceleration.
+    pub(super) fn over(
+        path: &SmoothPath,
+        intervals: &[Interval],
+        limits: &MotionLimits,
+        jerk: &[f64; DOF],
+    ) -> Self {
         let mut highest = (0.0, None);
         let mut demand = Demand::default();
         let mut length = 0.0;
@@ -68,7 +75,11 @@ impl Ramp {
         }
         let share = if after > LATE { 1.0 } else { after };
         let (demand, length) = add(share);
-        if share < 1.0 { Self::new(idx, share, length, &demand) } else { Self::new(idx + 1, 0.0, length, &demand) }
+        if share < 1.0 {
+            Self::new(idx, share, length, &demand)
+        } else {
+            Self::new(idx + 1, 0.0, length, &demand)
+        }
     }
 
     fn new(n_whole: usize, share: f64, length: f64, demand: &Demand) -> Self {
@@ -90,8 +101,16 @@ struct Demand {
 
 impl Demand {
     /// With that of an interval at the chord length `at`.
-    fn with(self, piece: &Piece, interval: &Interval, at: f64, limits: &MotionLimits, jerk: &[f64; DOF]) -> Self {
-        let (first, second, third) = (piece.first(interval.offset), piece.second(interval.offset), piece.third());
+    fn with(
+        self,
+        piece: &Piece,
+        interval: &Interval,
+        at: f64,
+        limits: &MotionLimits,
+        jerk: &[f64; DOF],
+    ) -> Self {
+        let (first, second, third) =
+            (piece.first(interval.offset), piece.second(interval.offset), piece.third());
         let (end, half_width) = (at + interval.width, 0.5 * interval.width);
         let mut demand = Self { square: self.square.max(interval.grip.max()), ..self };
         for j in 0..DOF {
@@ -111,7 +130,8 @@ impl Demand {
             );
             let speed = slopes / limits.velocity[j];
             demand.square = demand.square.max(speed * speed);
-            demand.acceleration = demand.acceleration.max(for_acceleration / limits.acceleration[j]);
+            demand.acceleration =
+                demand.acceleration.max(for_acceleration / limits.acceleration[j]);
             demand.jerk = demand.jerk.max(for_jerk / jerk[j]);
         }
         demand
@@ -132,7 +152,8 @@ impl Demand {
     }
 }
 
-/// Bound to the size of a parabola on an interval, from its value at the start and its slopes at both ends.
+/// Bound to the size of a parabola on an interval, from its value at the start and its slopes at
+/// both ends.
 fn parabola(start: f64, slope: f64, slope_at_end: f64, half_width: f64) -> f64 {
     let middle = start + half_width * slope;
     let end = middle + half_width * slope_at_end;
@@ -146,7 +167,8 @@ mod tests {
     use crate::path::JointPath;
     use crate::robot::JointConfig;
 
-    const LIMITS: MotionLimits = MotionLimits { velocity: [2.0; DOF], acceleration: [10.0; DOF], jerk: None };
+    const LIMITS: MotionLimits =
+        MotionLimits { velocity: [2.0; DOF], acceleration: [10.0; DOF], jerk: None };
 
     fn straight(length: f32) -> SmoothPath {
         let ends = [0.0, length].map(|x| JointConfig([x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]));

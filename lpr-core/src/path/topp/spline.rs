@@ -1,18 +1,20 @@
 //! A twice continuously differentiable curve through the configurations of a path.
 //!
-//! A natural cubic spline over the chord length: second derivatives are zero at both ends and follow from a tridiagonal system
-//! (de Boor, A Practical Guide to Splines, chapter IV).
+//! A natural cubic spline over the chord length: second derivatives are zero at both ends and
+//! follow from a tridiagonal system (de Boor, A Practical Guide to Splines, chapter IV).
 
 use crate::path::JointPath;
 use crate::robot::{DOF, JointConfig};
 
-/// Configurations nearer than this to the one before are left out, rad: the precision of f32 angles says no direction there.
+/// Configurations nearer than this to the one before are left out, rad: the precision of f32 angles
+/// says no direction there.
 const SAME: f64 = 1e-6;
 
-/// A smooth curve through the configurations of a [`JointPath`], from its exact start to its exact goal.
+/// A smooth curve through the configurations of a [`JointPath`], from its exact start to its exact
+/// goal.
 ///
-/// Between the configurations it leaves the polyline by up to [`Self::deviation`]: what was checked against collisions on the
-/// polyline has to be checked on the curve, or with that margin.
+/// Between the configurations it leaves the polyline by up to [`Self::deviation`]: what was checked
+/// against collisions on the polyline has to be checked on the curve, or with that margin.
 ///
 /// ```
 /// use lpr_core::path::{JointPath, SmoothPath};
@@ -78,7 +80,8 @@ impl SmoothPath {
         self.piece(idx).angles(chord_length.max(0.0) - self.knots[idx].at)
     }
 
-    /// A bound to the distance of the curve from the polyline through the same configurations, in joint space, rad.
+    /// A bound to the distance of the curve from the polyline through the same configurations, in
+    /// joint space, rad.
     ///
     /// Sharp up to a factor of three.
     #[must_use]
@@ -103,7 +106,14 @@ impl SmoothPath {
     /// The same curve from its goal to its start.
     pub(super) fn reversed(&self) -> Self {
         let length = self.chord_length();
-        Self { knots: self.knots.iter().rev().map(|knot| Knot { at: length - knot.at, ..*knot }).collect() }
+        Self {
+            knots: self
+                .knots
+                .iter()
+                .rev()
+                .map(|knot| Knot { at: length - knot.at, ..*knot })
+                .collect(),
+        }
     }
 }
 
@@ -116,16 +126,22 @@ impl Knot {
 impl Piece {
     fn between(from: &Knot, to: &Knot) -> Self {
         let length = to.at - from.at;
-        let slope = |j: usize| (to.angles[j] - from.angles[j]) / length - length * (2.0 * from.bends[j] + to.bends[j]) / 6.0;
+        let slope = |j: usize| {
+            (to.angles[j] - from.angles[j]) / length
+                - length * (2.0 * from.bends[j] + to.bends[j]) / 6.0
+        };
         let third = |j: usize| (to.bends[j] - from.bends[j]) / length;
-        let taylor = [from.angles, core::array::from_fn(slope), from.bends, core::array::from_fn(third)];
+        let taylor =
+            [from.angles, core::array::from_fn(slope), from.bends, core::array::from_fn(third)];
         Self { taylor, length }
     }
 
     /// Angles at `offset` from the first knot, rad.
     pub(super) fn angles(&self, offset: f64) -> [f64; DOF] {
         let [angle, first, second, third] = &self.taylor;
-        core::array::from_fn(|j| angle[j] + offset * (first[j] + offset * (second[j] / 2.0 + offset * third[j] / 6.0)))
+        core::array::from_fn(|j| {
+            angle[j] + offset * (first[j] + offset * (second[j] / 2.0 + offset * third[j] / 6.0))
+        })
     }
 
     /// First derivatives at `offset`.
@@ -146,7 +162,8 @@ impl Piece {
     }
 }
 
-/// The configurations without those next to the one before; start and goal are exact. One when nothing moves.
+/// The configurations without those next to the one before; start and goal are exact. One when
+/// nothing moves.
 fn distinct(configs: &[JointConfig]) -> Vec<[f64; DOF]> {
     let mut kept = vec![configs[0].0.map(f64::from)];
     for config in configs {
@@ -179,8 +196,8 @@ fn bend(knots: &mut [Knot]) {
         let pivot = 2.0 * (before + after) - before * shares[i - 1];
         shares[i] = after / pivot;
         for j in 0..DOF {
-            let turn =
-                (knots[i + 1].angles[j] - knots[i].angles[j]) / after - (knots[i].angles[j] - knots[i - 1].angles[j]) / before;
+            let turn = (knots[i + 1].angles[j] - knots[i].angles[j]) / after
+                - (knots[i].angles[j] - knots[i - 1].angles[j]) / before;
             knots[i].bends[j] = (6.0 * turn - before * knots[i - 1].bends[j]) / pivot;
         }
     }
@@ -191,12 +208,14 @@ fn bend(knots: &mut [Knot]) {
     }
 }
 
-/// Bound to the distance of a piece from its chord. Their difference is a cubic with inner Bézier points `p` and `q` and none at
-/// the ends, whose weights sum to at most 3/4.
+/// Bound to the distance of a piece from its chord. Their difference is a cubic with inner Bézier
+/// points `p` and `q` and none at the ends, whose weights sum to at most 3/4.
 fn deviation_between(from: &Knot, to: &Knot) -> f64 {
     let length = to.at - from.at;
     let norm = |near: &[f64; DOF], far: &[f64; DOF]| {
-        libm::sqrt(near.iter().zip(far).map(|(near, far)| (2.0 * near + far) * (2.0 * near + far)).sum())
+        libm::sqrt(
+            near.iter().zip(far).map(|(near, far)| (2.0 * near + far) * (2.0 * near + far)).sum(),
+        )
     };
     0.75 * length * length / 18.0 * norm(&from.bends, &to.bends).max(norm(&to.bends, &from.bends))
 }
@@ -262,7 +281,8 @@ mod tests {
     #[test]
     fn a_polyline_along_a_line_stays_straight() {
         let at = |x: f32| JointConfig([x, -x, 0.5, 2.0 * x, 0.0, 0.0, x]);
-        let smooth = SmoothPath::through(&JointPath::new([0.0, 0.25, 0.5, 2.0].map(at).to_vec()).unwrap());
+        let smooth =
+            SmoothPath::through(&JointPath::new([0.0, 0.25, 0.5, 2.0].map(at).to_vec()).unwrap());
         assert!(smooth.deviation() < 1e-15);
     }
 
@@ -270,15 +290,24 @@ mod tests {
     fn repeated_configurations_count_once_and_the_ends_are_exact() {
         let at = |x: f32| JointConfig([x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         let n_knots = |configs: &[f32]| {
-            let smooth = SmoothPath::through(&JointPath::new(configs.iter().map(|x| at(*x)).collect()).unwrap());
+            let smooth = SmoothPath::through(
+                &JointPath::new(configs.iter().map(|x| at(*x)).collect()).unwrap(),
+            );
             assert_eq!(smooth.angles_at(0.0)[0], f64::from(configs[0]));
-            assert_eq!(smooth.angles_at(smooth.chord_length())[0], f64::from(configs[configs.len() - 1]));
+            assert_eq!(
+                smooth.angles_at(smooth.chord_length())[0],
+                f64::from(configs[configs.len() - 1])
+            );
             smooth.knots.len()
         };
         assert_eq!(n_knots(&[1.0, 1.0, 1.0]), 1);
         assert_eq!(n_knots(&[1.0, 1.0, 2.0, 2.0, 2.0, 3.0, 3.0]), 3);
         assert_eq!(n_knots(&[0.0, 1e-7]), 2, "a way of 0.1 µrad is a way");
-        assert_eq!(n_knots(&[0.0, 1.5e-6, 7e-7]), 2, "the goal takes the place of what is next to it");
+        assert_eq!(
+            n_knots(&[0.0, 1.5e-6, 7e-7]),
+            2,
+            "the goal takes the place of what is next to it"
+        );
         assert_eq!(n_knots(&[0.0, 1.5e-6, 0.0]), 3);
         assert_eq!(n_knots(&[0.0, 1.0, 1.0 + 5e-7]), 2);
     }

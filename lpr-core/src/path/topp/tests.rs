@@ -23,8 +23,11 @@ fn config() -> impl Strategy<Value = JointConfig> {
 
 fn path() -> impl Strategy<Value = JointPath> {
     let anywhere = prop::collection::vec(config(), 2..12);
-    let near = (config(), prop::collection::vec((prop::array::uniform7(-1.0_f32..1.0), -6.0_f32..-0.5), 1..12)).prop_map(
-        |(start, steps)| {
+    let near = (
+        config(),
+        prop::collection::vec((prop::array::uniform7(-1.0_f32..1.0), -6.0_f32..-0.5), 1..12),
+    )
+        .prop_map(|(start, steps)| {
             let mut configs = vec![start];
             for (step, exponent) in steps {
                 let last = configs[configs.len() - 1];
@@ -32,11 +35,14 @@ fn path() -> impl Strategy<Value = JointPath> {
                 configs.push(JointConfig(core::array::from_fn(|j| last[j] + size * step[j])));
             }
             configs
-        },
-    );
-    let along_a_joint = prop::collection::vec(0..3_u8, 2..9)
-        .prop_map(|xs| xs.into_iter().map(|x| JointConfig([0.3, f32::from(x), 0.0, -1.0, 0.0, 1.0, 0.0])).collect::<Vec<_>>());
-    prop_oneof![4 => anywhere, 2 => near, 1 => along_a_joint].prop_map(|configs| JointPath::new(configs).unwrap())
+        });
+    let along_a_joint = prop::collection::vec(0..3_u8, 2..9).prop_map(|xs| {
+        xs.into_iter()
+            .map(|x| JointConfig([0.3, f32::from(x), 0.0, -1.0, 0.0, 1.0, 0.0]))
+            .collect::<Vec<_>>()
+    });
+    prop_oneof![4 => anywhere, 2 => near, 1 => along_a_joint]
+        .prop_map(|configs| JointPath::new(configs).unwrap())
 }
 
 fn limits() -> impl Strategy<Value = MotionLimits> {
@@ -49,7 +55,10 @@ fn limits() -> impl Strategy<Value = MotionLimits> {
 fn times(path: &SmoothPath, limits: &MotionLimits, grip: Option<&GripSpeedLimit<'_>>) -> Vec<f64> {
     let stretches = fastest(path, limits, grip).stretches;
     let within = |i: u8| f64::from(i) / 12.0;
-    stretches.iter().flat_map(|stretch| (0..=12).map(move |i| stretch.since + within(i) * stretch.duration)).collect()
+    stretches
+        .iter()
+        .flat_map(|stretch| (0..=12).map(move |i| stretch.since + within(i) * stretch.duration))
+        .collect()
 }
 
 fn greatest_share(values: &[f64; DOF], limits: &[f64; DOF]) -> f64 {
@@ -130,7 +139,8 @@ proptest! {
         for j in 0..DOF {
             let velocity = (after.angles[j] - before.angles[j]) / (2.0 * step);
             prop_assert!((velocity - state.velocities[j]).abs() <= 1e-7 + 2.0 * step * limits.acceleration[j]);
-            // Between its jumps the acceleration is the slope of the velocity; across one it is between both.
+            // Between its jumps the acceleration is the slope of the velocity; across one it is
+            // between both.
             let slope = (after.velocities[j] - before.velocities[j]) / (2.0 * step);
             let (low, high) = (before.accelerations[j].min(after.accelerations[j]), before.accelerations[j].max(after.accelerations[j]));
             prop_assert!(slope >= low - 1e-3 * limits.acceleration[j] && slope <= high + 1e-3 * limits.acceleration[j]);
@@ -199,16 +209,25 @@ fn line(length: f32) -> SmoothPath {
 }
 
 fn one_joint(velocity: f64, acceleration: f64, jerk: Option<f64>) -> MotionLimits {
-    MotionLimits { velocity: [velocity; DOF], acceleration: [acceleration; DOF], jerk: jerk.map(|jerk| [jerk; DOF]) }
+    MotionLimits {
+        velocity: [velocity; DOF],
+        acceleration: [acceleration; DOF],
+        jerk: jerk.map(|jerk| [jerk; DOF]),
+    }
 }
 
 #[test]
 fn along_a_line_the_duration_is_that_of_a_trapezoid() {
     let duration = |length, velocity, acceleration| {
-        time_optimal(&line(length), &one_joint(velocity, acceleration, None), None).unwrap().duration_secs()
+        time_optimal(&line(length), &one_joint(velocity, acceleration, None), None)
+            .unwrap()
+            .duration_secs()
     };
     // Peaks that fall within an interval are cut: a 128th of the way at most.
-    assert!((duration(2.0, 1.0, 4.0) / 2.25 - 1.0).abs() < 2e-3, "2 rad at 1 rad/s and twice 0.25 s at half speed");
+    assert!(
+        (duration(2.0, 1.0, 4.0) / 2.25 - 1.0).abs() < 2e-3,
+        "2 rad at 1 rad/s and twice 0.25 s at half speed"
+    );
     assert!((duration(0.16, 1.0, 4.0) / 0.4 - 1.0).abs() < 2e-3, "2 √(0.16 rad / 4 rad/s²)");
 }
 
@@ -219,7 +238,11 @@ fn along_a_line_ramps_cost_the_time_in_which_accelerations_grow() {
     let trajectory = time_optimal(&line(4.0), &limits, None).unwrap();
     let ramps = 2.0 * (0.1 + 0.15);
     let way = 4.0 - 2.0 * (1.0 / 60.0 + 0.15 * 1.25);
-    assert!((trajectory.duration_secs() / (ramps + way / 2.0) - 1.0).abs() < 2e-3, "{}", trajectory.duration_secs());
+    assert!(
+        (trajectory.duration_secs() / (ramps + way / 2.0) - 1.0).abs() < 2e-3,
+        "{}",
+        trajectory.duration_secs()
+    );
     assert!((trajectory.at(0.05).accelerations[0] - 5.0).abs() < 1e-3);
     assert!((trajectory.at(0.2).accelerations[0] - 10.0).abs() < 1e-3);
 }
@@ -242,7 +265,10 @@ fn a_path_that_stays_takes_no_time() {
     let trajectory = time_optimal(&path, &LIMITS, None).unwrap();
     assert_eq!(trajectory.duration_secs(), 0.0);
     assert_eq!(trajectory.at(0.0), JointState::at_rest(&PANDA.start));
-    assert_eq!(trajectory.samples(0.01).unwrap().collect::<Vec<_>>(), [(0.0, JointState::at_rest(&PANDA.start))]);
+    assert_eq!(
+        trajectory.samples(0.01).unwrap().collect::<Vec<_>>(),
+        [(0.0, JointState::at_rest(&PANDA.start))]
+    );
     assert!(trajectory.samples(0.0).is_err() && trajectory.samples(f64::NAN).is_err());
 }
 
@@ -252,7 +278,12 @@ fn limits_that_are_no_positive_numbers_are_errors() {
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         assert!(time_optimal(&path, &one_joint(bad, 1.0, None), None).is_err());
         assert!(
-            time_optimal(&path, &one_joint(1.0, 1.0, None), Some(&GripSpeedLimit { robot: &PANDA, max_speed: bad })).is_err()
+            time_optimal(
+                &path,
+                &one_joint(1.0, 1.0, None),
+                Some(&GripSpeedLimit { robot: &PANDA, max_speed: bad })
+            )
+            .is_err()
         );
     }
 }
@@ -274,7 +305,9 @@ fn lengths_at_the_ends_of_f32_are_timed_or_refused() {
                 };
                 assert!(trajectory.duration_secs() > 0.0);
                 assert!(
-                    (0..=100).all(|i| trajectory.at(trajectory.duration_secs() * f64::from(i) / 100.0).is_finite()),
+                    (0..=100).all(|i| trajectory
+                        .at(trajectory.duration_secs() * f64::from(i) / 100.0)
+                        .is_finite()),
                     "{length}"
                 );
             }
@@ -284,8 +317,13 @@ fn lengths_at_the_ends_of_f32_are_timed_or_refused() {
 
 #[test]
 fn the_work_grows_with_the_configurations_and_no_faster() {
-    let configs =
-        |n: u16| (0..n).map(|i| JointConfig(core::array::from_fn(|j| libm::sinf(0.01 * f32::from(i) * (1.0 + j as f32)))));
+    let configs = |n: u16| {
+        (0..n).map(|i| {
+            JointConfig(core::array::from_fn(|j| {
+                libm::sinf(0.01 * f32::from(i) * (1.0 + j as f32))
+            }))
+        })
+    };
     let n_stretches = |n| {
         let path = SmoothPath::through(&JointPath::new(configs(n).collect()).unwrap());
         fastest(&path, &LIMITS, None).stretches.len()

@@ -4,9 +4,10 @@
 //! minimise  w/2 Σ |x_t+1 - x_t|²  +  μ Σ max(0, v_i - a_i · x)      with  low ≤ x ≤ high
 //! ```
 //!
-//! With a multiplier `0 ≤ λ_i ≤ μ` for every gap and `ν` for every bound, the best path is the straight one, pushed:
-//! `x = straight + K⁻¹ (Σ λ_i a_i - ν) / w`. Each multiplier in turn takes its best value (coordinate ascent, as of Hildreth
-//! 1957), and the path follows. `w` is the number of edges: the first sum is then the square of a straight path's length.
+//! With a multiplier `0 ≤ λ_i ≤ μ` for every gap and `ν` for every bound, the best path is the
+//! straight one, pushed: `x = straight + K⁻¹ (Σ λ_i a_i - ν) / w`. Each multiplier in turn takes
+//! its best value (coordinate ascent, as of Hildreth 1957), and the path follows. `w` is the number
+//! of edges: the first sum is then the square of a straight path's length.
 
 use super::super::course::{Touch, compliance, shift, straight_course};
 use super::super::plan::{Bounds, clamped};
@@ -17,7 +18,8 @@ const CONVERGED: f32 = 1e-4;
 
 /// Half the weighted sum of squared differences between neighbours, radians².
 pub(super) fn energy(course: &[JointConfig]) -> f32 {
-    let squares = course.windows(2).map(|pair| pair[0].distance(&pair[1]) * pair[0].distance(&pair[1]));
+    let squares =
+        course.windows(2).map(|pair| pair[0].distance(&pair[1]) * pair[0].distance(&pair[1]));
     0.5 * (course.len() - 1) as f32 * squares.sum::<f32>()
 }
 
@@ -29,7 +31,8 @@ struct Row {
     gradient: [f32; DOF],
     /// `v` above: how far the gap would be short with all joints at 0, metres.
     level: f32,
-    /// How far every waypoint, the ends included, goes along the gradient for a unit of the multiplier.
+    /// How far every waypoint, the ends included, goes along the gradient for a unit of the
+    /// multiplier.
     response: Vec<f32>,
     /// By how much that widens the gap, metres.
     curvature: f32,
@@ -44,21 +47,37 @@ pub(super) struct Convex {
 
 impl Convex {
     /// The cost near `course`, with what is near it.
-    pub(super) fn new(course: &[JointConfig], near: &[Touch], safe_distance: f32, penalty: f32) -> Self {
-        let rows = near.iter().map(|touch| Row::new(course, touch, safe_distance)).filter(|row| row.curvature > 0.0);
+    pub(super) fn new(
+        course: &[JointConfig],
+        near: &[Touch],
+        safe_distance: f32,
+        penalty: f32,
+    ) -> Self {
+        let rows = near
+            .iter()
+            .map(|touch| Row::new(course, touch, safe_distance))
+            .filter(|row| row.curvature > 0.0);
         Self { rows: rows.collect(), penalty }
     }
 
     /// Its value on `course`.
     pub(super) fn cost(&self, course: &[JointConfig]) -> f32 {
-        energy(course) + self.penalty * self.rows.iter().map(|row| row.shortfall(course).max(0.0)).sum::<f32>()
+        energy(course)
+            + self.penalty * self.rows.iter().map(|row| row.shortfall(course).max(0.0)).sum::<f32>()
     }
 
-    /// The best course within `limits` none of whose joints is further than `trust` (radians) from that of `course`; nearly so
-    /// after a limited number of `sweeps`.
-    pub(super) fn solve(&self, course: &[JointConfig], trust: f32, limits: &Bounds, sweeps: u32) -> Vec<JointConfig> {
+    /// The best course within `limits` none of whose joints is further than `trust` (radians) from
+    /// that of `course`; nearly so after a limited number of `sweeps`.
+    pub(super) fn solve(
+        &self,
+        course: &[JointConfig],
+        trust: f32,
+        limits: &Bounds,
+        sweeps: u32,
+    ) -> Vec<JointConfig> {
         let n = course.len() - 2;
-        let bounds: Vec<Bounds> = course.iter().map(|config| trusted(config, trust, limits)).collect();
+        let bounds: Vec<Bounds> =
+            course.iter().map(|config| trusted(config, trust, limits)).collect();
         let mut x = straight_course(&course[0], &[], &course[n + 1], n);
         let mut multipliers = vec![0.0; self.rows.len()];
         let mut holds = vec![[0.0; DOF]; n + 2];
@@ -91,11 +110,16 @@ impl Row {
         let Touch { edge, fraction, proximity } = *touch;
         let n = course.len() - 2;
         let weight = 1.0 / (n + 1) as f32;
-        let follow = |i: usize| weight * ((1.0 - fraction) * compliance(n, i, edge) + fraction * compliance(n, i, edge + 1));
+        let follow = |i: usize| {
+            weight
+                * ((1.0 - fraction) * compliance(n, i, edge)
+                    + fraction * compliance(n, i, edge + 1))
+        };
         let response: Vec<f32> = (0..n + 2).map(follow).collect();
         let slope: f32 = proximity.gradient.iter().map(|g| g * g).sum();
         let curvature = slope * ((1.0 - fraction) * response[edge] + fraction * response[edge + 1]);
-        let mut row = Self { edge, fraction, gradient: proximity.gradient, level: 0.0, response, curvature };
+        let mut row =
+            Self { edge, fraction, gradient: proximity.gradient, level: 0.0, response, curvature };
         row.level = safe_distance - proximity.distance - row.shortfall(course);
         row
     }
@@ -123,14 +147,16 @@ impl Row {
     }
 }
 
-/// Sets the multipliers of the bounds on waypoint `k` to their best values; returns how far that moves the course, radians.
+/// Sets the multipliers of the bounds on waypoint `k` to their best values; returns how far that
+/// moves the course, radians.
 fn hold(x: &mut [JointConfig], k: usize, bounds: &Bounds, multipliers: &mut [f32; DOF]) -> f32 {
     let n = x.len() - 2;
     let weight = 1.0 / (n + 1) as f32;
     let curvature = weight * compliance(n, k, k);
     let unheld = JointConfig(core::array::from_fn(|j| x[k][j] + multipliers[j] * curvature));
     let held = clamped(&unheld, bounds);
-    let changes: [f32; DOF] = core::array::from_fn(|j| (unheld[j] - held[j]) / curvature - multipliers[j]);
+    let changes: [f32; DOF] =
+        core::array::from_fn(|j| (unheld[j] - held[j]) / curvature - multipliers[j]);
     let most = changes.iter().fold(0.0, |most: f32, change| most.max(change.abs())) * curvature;
     if most > 0.0 {
         for (i, config) in x.iter_mut().enumerate() {
@@ -163,11 +189,13 @@ mod tests {
 
     fn touch() -> impl Strategy<Value = Touch> {
         let proximity = (-0.05_f32..0.05, prop::array::uniform7(-0.5_f32..0.5));
-        (0..=WAYPOINTS, 0.1_f32..1.0, proximity).prop_map(|(edge, fraction, (distance, gradient))| Touch {
-            edge,
-            fraction,
-            proximity: Proximity { distance, gradient },
-        })
+        (0..=WAYPOINTS, 0.1_f32..1.0, proximity).prop_map(
+            |(edge, fraction, (distance, gradient))| Touch {
+                edge,
+                fraction,
+                proximity: Proximity { distance, gradient },
+            },
+        )
     }
 
     proptest! {
@@ -215,7 +243,8 @@ mod tests {
     fn without_anything_near_and_enough_trust_the_solution_is_straight() {
         let at = |q: f32| JointConfig([q; DOF]);
         let bowed = [0.0, 0.5, 0.9, 0.4, 0.3].map(at);
-        let solved = Convex::new(&bowed, &[], SAFE_DISTANCE, 1.0).solve(&bowed, 1.0, &LIMITS, SWEEPS);
+        let solved =
+            Convex::new(&bowed, &[], SAFE_DISTANCE, 1.0).solve(&bowed, 1.0, &LIMITS, SWEEPS);
         for (config, q) in solved.iter().zip([0.0, 0.075, 0.15, 0.225, 0.3]) {
             assert!(config.max_joint_distance(&at(q)) < 1e-4, "{config:?}");
         }
@@ -225,9 +254,13 @@ mod tests {
     fn a_gap_that_is_short_pushes_the_course_until_it_is_not() {
         let at = |q: f32| JointConfig([q; DOF]);
         let straight = [0.0, 0.1, 0.2, 0.3, 0.4].map(at);
-        let proximity = Proximity { distance: -0.01, gradient: [0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0] };
+        let proximity =
+            Proximity { distance: -0.01, gradient: [0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0] };
         let near = [Touch { edge: 1, fraction: 1.0, proximity }];
-        let moved = |penalty| Convex::new(&straight, &near, SAFE_DISTANCE, penalty).solve(&straight, 1.0, &LIMITS, SWEEPS);
+        let moved = |penalty| {
+            Convex::new(&straight, &near, SAFE_DISTANCE, penalty)
+                .solve(&straight, 1.0, &LIMITS, SWEEPS)
+        };
         let (light, heavy) = (moved(0.1), moved(100.0));
         let widened = |course: &[JointConfig]| 0.3 * (course[2][0] - straight[2][0]);
         assert!((widened(&heavy) - 0.03).abs() < 1e-4, "{}", widened(&heavy));

@@ -1,17 +1,24 @@
-//! Cells of a cubic grid in block order: every aligned 2³ block of cells is contiguous, on the grid itself and on the grid of
-//! half its side, so that going to a grid of half the side and back is a reshape.
+//! Cells of a cubic grid in block order: every aligned 2³ block of cells is contiguous, on the grid
+//! itself and on the grid of half its side, so that going to a grid of half the side and back is a
+//! reshape.
 
-/// Place in block order of all cells of a `side`³ grid in raster order (x fastest), where aligned blocks of `block`³ cells
-/// (1, 2 or 4) follow each other in raster order and the cells of a block stand in Morton order.
+/// Place in block order of all cells of a `side`³ grid in raster order (x fastest), where aligned
+/// blocks of `block`³ cells (1, 2 or 4) follow each other in raster order and the cells of a block
+/// stand in Morton order.
 pub(super) fn block_of_raster(side: usize, block: usize) -> Vec<usize> {
-    assert!(matches!(block, 1 | 2 | 4) && side.is_multiple_of(block), "a side of {side} has no blocks of {block}");
+    assert!(
+        matches!(block, 1 | 2 | 4) && side.is_multiple_of(block),
+        "a side of {side} has no blocks of {block}"
+    );
     let n_blocks = side / block;
     let mut order = Vec::with_capacity(side * side * side);
     for z in 0..side {
         for y in 0..side {
             for x in 0..side {
                 let outer = (z / block * n_blocks + y / block) * n_blocks + x / block;
-                order.push(outer * block * block * block + morton([x % block, y % block, z % block]));
+                order.push(
+                    outer * block * block * block + morton([x % block, y % block, z % block]),
+                );
             }
         }
     }
@@ -28,7 +35,8 @@ pub(super) fn raster_of_block(side: usize, block: usize) -> Vec<usize> {
     raster
 }
 
-/// For each cell in block order, its 27 neighbours (x fastest, itself in the middle); outside the grid the nearest cell.
+/// For each cell in block order, its 27 neighbours (x fastest, itself in the middle); outside the
+/// grid the nearest cell.
 pub(super) fn neighbours(side: usize, block: usize) -> Vec<[usize; 27]> {
     let forward = block_of_raster(side, block);
     let moved = |at: usize, shift: usize| (at + shift).saturating_sub(1).min(side - 1);
@@ -57,11 +65,16 @@ mod tests {
     #[test]
     fn eight_successive_cells_are_a_block_at_both_scales() {
         for side in [8, 12] {
-            let cell = |raster: &usize| [raster % side, raster / side % side, raster / (side * side)];
+            let cell =
+                |raster: &usize| [raster % side, raster / side % side, raster / (side * side)];
             let half = raster_of_block(side / 2, 2);
             for (block_idx, block) in raster_of_block(side, 4).chunks(8).enumerate() {
                 let coarse = half[block_idx];
-                let parent = [coarse % (side / 2), coarse / (side / 2) % (side / 2), coarse / (side * side / 4)];
+                let parent = [
+                    coarse % (side / 2),
+                    coarse / (side / 2) % (side / 2),
+                    coarse / (side * side / 4),
+                ];
                 assert!(block.iter().map(cell).all(|xyz| xyz.map(|i| i / 2) == parent));
             }
         }
@@ -74,7 +87,9 @@ mod tests {
             assert_eq!(near[13], cell);
             for other in near {
                 let [a, b] = [raster[cell], raster[other]];
-                assert!((0..3).all(|axis| (a / 6_usize.pow(axis) % 6).abs_diff(b / 6_usize.pow(axis) % 6) <= 1));
+                assert!((0..3).all(|axis| {
+                    (a / 6_usize.pow(axis) % 6).abs_diff(b / 6_usize.pow(axis) % 6) <= 1
+                }));
             }
         }
     }

@@ -1,15 +1,17 @@
 //! The network of the `fast` preset: a small U-Net whose every layer is a matrix product.
 //!
-//! The stem reads 2³ voxels at once, 3³ convolutions run on half and a quarter of the side only, and a cell emits the
-//! features of its eight voxels (a 3-D pixel shuffle), which meet each voxel's own channels before its value. Cells stand in block order ([`super::blocks`]), so pooling and
+//! The stem reads 2³ voxels at once, 3³ convolutions run on half and a quarter of the side only,
+//! and a cell emits the features of its eight voxels (a 3-D pixel shuffle), which meet each voxel's
+//! own channels before its value. Cells stand in block order ([`super::blocks`]), so pooling and
 //! un-pooling are reshapes, and a 3³ convolution is one gather of rows and one product.
 //!
 //! # Differences from the paper
 //!
-//! About 30 times fewer operations than C2F-ARM's U-Net. The head reads the features of the quarter grid in place beside
-//! their maximum, because yaw shows in where things are around the attended voxel; and the values of an Euler angle are
-//! a short Fourier series over the circle, so that one demonstrated angle also teaches its neighbours. Positions in the input are
-//! within the voxel, not in the world.
+//! About 30 times fewer operations than C2F-ARM's U-Net. The head reads the features of the quarter
+//! grid in place beside their maximum, because yaw shows in where things are around the attended
+//! voxel; and the values of an Euler angle are a short Fourier series over the circle, so that one
+//! demonstrated angle also teaches its neighbours. Positions in the input are within the voxel, not
+//! in the world.
 
 use super::blocks::{block_of_raster, neighbours, raster_of_block};
 use super::{NetworkInput, PoseValues, QValues};
@@ -68,7 +70,12 @@ pub(super) struct FastNetwork {
 }
 
 impl FastNetwork {
-    pub(super) fn new(sizes: FastSizes, head: Option<FastHeadSizes>, device: &Device, rng: &mut Rng) -> Self {
+    pub(super) fn new(
+        sizes: FastSizes,
+        head: Option<FastHeadSizes>,
+        device: &Device,
+        rng: &mut Rng,
+    ) -> Self {
         let FastSizes { side, cell_channels: c, block_channels: b } = sizes;
         Self {
             stem: Dense::new(BLOCK * VOXEL_CHANNELS, c, KAIMING, device, rng),
@@ -104,30 +111,45 @@ impl FastNetwork {
         let [_, b] = down.dims();
         let proprio = self.proprio.forward(input.proprio).reshape([n, 1, b]);
         let down = relu(down.reshape([n, n_blocks / n, b]) + proprio).reshape([n_blocks, b]);
-        let blocks = relu(self.blocks.forward(gather_near(down.clone(), &near_rows(quarter, 1, n, &device)))) + down;
+        let blocks = relu(
+            self.blocks.forward(gather_near(down.clone(), &near_rows(quarter, 1, n, &device))),
+        ) + down;
         let up = self.up.forward(blocks.clone()).reshape([n_cells, c]);
         let merged = relu(up + cells);
         let merged = relu(self.merge.forward(gather_near(merged.clone(), &near_cells))) + merged;
         let spread = self.spread.forward(merged.clone()).reshape([n * n_voxels, VOXEL_FEATURES]);
         let values = self.translation.forward(relu(spread + self.own.forward(voxels)));
-        let values = values + self.translation_of_cell.forward(merged.clone()).reshape([n * n_voxels, 1]);
-        let translation = values.select(0, per_sample(&block_of_raster(self.side, 4), n, &device)).reshape([n, n_voxels]);
-        QValues { translation, pose: self.head.as_ref().map(|head| head.forward(blocks, merged, n)) }
+        let values =
+            values + self.translation_of_cell.forward(merged.clone()).reshape([n * n_voxels, 1]);
+        let translation = values
+            .select(0, per_sample(&block_of_raster(self.side, 4), n, &device))
+            .reshape([n, n_voxels]);
+        QValues {
+            translation,
+            pose: self.head.as_ref().map(|head| head.forward(blocks, merged, n)),
+        }
     }
 
-    /// Multiply-accumulates of one forward pass of one sample, about: one for each weight and bias wherever it is applied.
+    /// Multiply-accumulates of one forward pass of one sample, about: one for each weight and bias
+    /// wherever it is applied.
     pub(super) fn macs(&self) -> usize {
         let [half, quarter] = [self.side / 2, self.side / 4];
         let cells = half * half * half;
         let blocks = quarter * quarter * quarter;
-        let per_cell = [&self.stem, &self.cells, &self.merge, &self.spread, &self.translation_of_cell]
-            .map(Module::num_params)
-            .iter()
-            .sum::<usize>();
-        let per_block = [&self.down, &self.blocks, &self.up].map(Module::num_params).iter().sum::<usize>();
+        let per_cell =
+            [&self.stem, &self.cells, &self.merge, &self.spread, &self.translation_of_cell]
+                .map(Module::num_params)
+                .iter()
+                .sum::<usize>();
+        let per_block =
+            [&self.down, &self.blocks, &self.up].map(Module::num_params).iter().sum::<usize>();
         let head = self.head.as_ref().map_or(0, |head| head.macs(blocks));
         let per_voxel = self.own.num_params() + self.translation.num_params();
-        BLOCK * cells * per_voxel + cells * per_cell + blocks * per_block + self.proprio.num_params() + head
+        BLOCK * cells * per_voxel
+            + cells * per_cell
+            + blocks * per_block
+            + self.proprio.num_params()
+            + head
     }
 }
 
@@ -147,7 +169,9 @@ struct FastHead {
 impl FastHead {
     fn new(sizes: FastSizes, head: FastHeadSizes, device: &Device, rng: &mut Rng) -> Self {
         let quarter = sizes.side / 4;
-        let n_features = quarter * quarter * quarter * head.head_channels + 2 * sizes.block_channels + 2 * sizes.cell_channels;
+        let n_features = quarter * quarter * quarter * head.head_channels
+            + 2 * sizes.block_channels
+            + 2 * sizes.cell_channels;
         let n_coefficients = 2 * head.harmonics + 1;
         Self {
             narrow: Dense::new(sizes.block_channels, head.head_channels, KAIMING, device, rng),
@@ -169,9 +193,14 @@ impl FastHead {
         let features = Tensor::cat(vec![in_place, pool(blocks, n), pool(cells, n)], 1);
         let hidden = relu(self.hidden.forward(features));
         let device = hidden.device();
-        let coefficients = self.rotation.forward(hidden.clone()).reshape([3 * n, 2 * self.harmonics + 1]);
-        let rotation = coefficients.matmul(fourier_basis(self.harmonics, self.rotation_bins, &device));
-        PoseValues { rotation: rotation.reshape([n, 3, self.rotation_bins]), gripper: self.gripper.forward(hidden) }
+        let coefficients =
+            self.rotation.forward(hidden.clone()).reshape([3 * n, 2 * self.harmonics + 1]);
+        let rotation =
+            coefficients.matmul(fourier_basis(self.harmonics, self.rotation_bins, &device));
+        PoseValues {
+            rotation: rotation.reshape([n, 3, self.rotation_bins]),
+            gripper: self.gripper.forward(hidden),
+        }
     }
 
     fn macs(&self, n_blocks: usize) -> usize {
@@ -188,7 +217,8 @@ impl FastHead {
 fn pool(features: Tensor<2>, n: usize) -> Tensor<2> {
     let [n_rows, channels] = features.dims();
     let features = features.reshape([n, n_rows / n, channels]);
-    Tensor::cat(vec![features.clone().mean_dim(1), features.max_dim(1)], 2).reshape([n, 2 * channels])
+    Tensor::cat(vec![features.clone().mean_dim(1), features.max_dim(1)], 2)
+        .reshape([n, 2 * channels])
 }
 
 /// Rows of all 27 neighbours of each row, for `n` samples.
@@ -199,7 +229,9 @@ fn near_rows(side: usize, block: usize, n: usize, device: &Device) -> Tensor<1, 
 /// A row index within one sample, repeated for `n` samples that follow each other.
 fn per_sample(index: &[usize], n: usize, device: &Device) -> Tensor<1, Int> {
     let n_rows = index.iter().max().map_or(0, |last| last + 1);
-    let all = (0..n).flat_map(|sample| index.iter().map(move |row| (sample * n_rows + row) as i32)).collect::<Vec<_>>();
+    let all = (0..n)
+        .flat_map(|sample| index.iter().map(move |row| (sample * n_rows + row) as i32))
+        .collect::<Vec<_>>();
     let n_all = all.len();
     Tensor::from_data(TensorData::new(all, [n_all]), device)
 }
@@ -212,7 +244,9 @@ fn gather_near(features: Tensor<2>, near: &Tensor<1, Int>) -> Tensor<2> {
 
 /// `1, cos θ, sin θ, cos 2θ, …` at the centres of all bins: `[2 H + 1, R]`.
 fn fourier_basis(harmonics: usize, n_bins: usize, device: &Device) -> Tensor<2> {
-    let angle = |order: usize, bin: usize| core::f32::consts::TAU * (order * bin % n_bins) as f32 / n_bins as f32;
+    let angle = |order: usize, bin: usize| {
+        core::f32::consts::TAU * (order * bin % n_bins) as f32 / n_bins as f32
+    };
     let basis = (0..=2 * harmonics)
         .flat_map(|row| {
             (0..n_bins).map(move |bin| {

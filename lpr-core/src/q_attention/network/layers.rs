@@ -17,10 +17,21 @@ pub(super) struct Conv3 {
 
 impl Conv3 {
     /// Weights of `[channels in, channels out, kernel side]` spread as given, and zero biases.
-    pub(super) fn new([c_in, c_out, kernel]: [usize; 3], spread: Spread, device: &Device, rng: &mut Rng) -> Self {
+    pub(super) fn new(
+        [c_in, c_out, kernel]: [usize; 3],
+        spread: Spread,
+        device: &Device,
+        rng: &mut Rng,
+    ) -> Self {
         let volume = kernel * kernel * kernel;
         Self {
-            weight: spread.draw([c_out, c_in, kernel, kernel, kernel], c_in * volume, c_out * volume, device, rng),
+            weight: spread.draw(
+                [c_out, c_in, kernel, kernel, kernel],
+                c_in * volume,
+                c_out * volume,
+                device,
+                rng,
+            ),
             bias: Param::from_tensor(tensor(vec![0.0; c_out], [c_out], device)),
         }
     }
@@ -33,7 +44,12 @@ impl Conv3 {
         let weight = self.weight.val();
         let [_, _, kernel, _, _] = weight.dims();
         let padded = (2..5).fold(x, |x, axis| replicate(x, axis, kernel / 2));
-        conv3d(padded, weight, Some(self.bias.val()), ConvOptions::new([1, 1, 1], [0, 0, 0], [1, 1, 1], 1))
+        conv3d(
+            padded,
+            weight,
+            Some(self.bias.val()),
+            ConvOptions::new([1, 1, 1], [0, 0, 0], [1, 1, 1], 1),
+        )
     }
 }
 

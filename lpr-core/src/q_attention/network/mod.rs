@@ -68,7 +68,12 @@ pub enum Heads {
 impl QNetwork {
     /// A network with fresh weights.
     #[must_use]
-    pub fn new(settings: &QAttentionSettings, heads: Heads, device: &Device, rng: &mut Rng) -> Self {
+    pub fn new(
+        settings: &QAttentionSettings,
+        heads: Heads,
+        device: &Device,
+        rng: &mut Rng,
+    ) -> Self {
         let side = settings.voxels_per_side;
         let rotation_bins = settings.rotation_bins;
         match settings.network {
@@ -77,7 +82,13 @@ impl QNetwork {
                 let sizes = PaperSizes { side, channels, bottleneck, hidden, rotation_bins };
                 Self { paper: Some(PaperNetwork::new(sizes, device, rng)), fast: None }
             }
-            NetworkSettings::Fast { cell_channels, block_channels, head_channels, hidden, harmonics } => {
+            NetworkSettings::Fast {
+                cell_channels,
+                block_channels,
+                head_channels,
+                hidden,
+                harmonics,
+            } => {
                 let sizes = FastSizes { side, cell_channels, block_channels };
                 let head = FastHeadSizes { head_channels, hidden, rotation_bins, harmonics };
                 let head = (heads == Heads::Pose).then_some(head);
@@ -99,7 +110,8 @@ impl QNetwork {
     /// Parameters, and operations of one forward pass of one sample.
     #[must_use]
     pub fn cost(&self) -> NetworkCost {
-        let macs = self.paper.as_ref().map_or(0, PaperNetwork::macs) + self.fast.as_ref().map_or(0, FastNetwork::macs);
+        let macs = self.paper.as_ref().map_or(0, PaperNetwork::macs)
+            + self.fast.as_ref().map_or(0, FastNetwork::macs);
         NetworkCost { parameters: self.num_params(), flops: 2 * macs }
     }
 }

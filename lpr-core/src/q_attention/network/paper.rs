@@ -1,7 +1,9 @@
-//! The 3-D U-Net of C2F-ARM: inception blocks, leaky rectifiers, replicate padding, no normalisation.
+//! The 3-D U-Net of C2F-ARM: inception blocks, leaky rectifiers, replicate padding, no
+//! normalisation.
 //!
-//! Layer by layer as in the released network; the sizes it was released with are 64 channels, a bottleneck of 32 and 128 hidden
-//! units: 879,553 parameters at depth 0 and 1,186,459 at the last depth (both tested).
+//! Layer by layer as in the released network; the sizes it was released with are 64 channels, a
+//! bottleneck of 32 and 128 hidden units: 879,553 parameters at depth 0 and 1,186,459 at the last
+//! depth (both tested).
 
 use super::layers::Conv3;
 use super::{NetworkInput, PoseValues, QValues};
@@ -82,25 +84,34 @@ impl PaperNetwork {
         let u1 = self.up[1].forward(&Tensor::cat(vec![u2, d1.clone()], 1));
         let last = activated(&self.merge, Tensor::cat(vec![u1, d0.clone()], 1));
         let translation = self.translation.forward(last.clone()).reshape([n, n_voxels]);
-        QValues { translation, pose: self.head.as_ref().map(|head| head.forward([d0, d1, d2, last])) }
+        QValues {
+            translation,
+            pose: self.head.as_ref().map(|head| head.forward([d0, d1, d2, last])),
+        }
     }
 
-    /// Multiply-accumulates of one forward pass of one sample, about: one for each weight and bias wherever it is applied.
+    /// Multiply-accumulates of one forward pass of one sample, about: one for each weight and bias
+    /// wherever it is applied.
     pub(super) fn macs(&self) -> usize {
-        let cells = |division: usize| (self.side / division) * (self.side / division) * (self.side / division);
+        let cells = |division: usize| {
+            (self.side / division) * (self.side / division) * (self.side / division)
+        };
         let full = self.input.num_params()
             + self.down[0].num_params()
             + self.up[1].second.num_params()
             + self.merge.num_params()
             + self.translation.num_params();
-        let half = self.down[1].num_params() + self.up[0].second.num_params() + self.up[1].first.num_params();
+        let half = self.down[1].num_params()
+            + self.up[0].second.num_params()
+            + self.up[1].first.num_params();
         let quarter = self.down[2].num_params() + self.up[0].first.num_params();
         let head = self.head.as_ref().map_or(0, Module::num_params);
         cells(1) * full + cells(2) * half + cells(4) * quarter + self.proprio.num_params() + head
     }
 }
 
-/// Three parallel receptive fields: 1³, 3³ and 5³ (as two 3³), with half, a quarter and a quarter of the output channels.
+/// Three parallel receptive fields: 1³, 3³ and 5³ (as two 3³), with half, a quarter and a quarter
+/// of the output channels.
 #[derive(Module, Debug)]
 struct Inception {
     point: Conv3,
@@ -110,17 +121,23 @@ struct Inception {
 
 impl Inception {
     fn new(fan_in: usize, out: usize, bottleneck: usize, device: &Device, rng: &mut Rng) -> Self {
-        let mut conv = |fan_in, out, kernel| Conv3::new([fan_in, out, kernel], KAIMING, device, rng);
+        let mut conv =
+            |fan_in, out, kernel| Conv3::new([fan_in, out, kernel], KAIMING, device, rng);
         Self {
             point: conv(fan_in, out / 2, 1),
             near: [conv(fan_in, bottleneck, 1), conv(bottleneck, out / 4, 3)],
-            far: [conv(fan_in, bottleneck, 1), conv(bottleneck, bottleneck, 3), conv(bottleneck, out / 4, 3)],
+            far: [
+                conv(fan_in, bottleneck, 1),
+                conv(bottleneck, bottleneck, 3),
+                conv(bottleneck, out / 4, 3),
+            ],
         }
     }
 
     fn forward(&self, x: &Tensor<5>) -> Tensor<5> {
         let through = |convs: &[Conv3]| convs.iter().fold(x.clone(), |x, conv| activated(conv, x));
-        let [point, near, far] = [activated(&self.point, x.clone()), through(&self.near), through(&self.far)];
+        let [point, near, far] =
+            [activated(&self.point, x.clone()), through(&self.near), through(&self.far)];
         Tensor::cat(vec![point, near, far], 1)
     }
 }
@@ -149,7 +166,8 @@ struct PaperHead {
 
 impl PaperHead {
     fn new(sizes: PaperSizes, rotation_bins: usize, device: &Device, rng: &mut Rng) -> Self {
-        // Three coordinates and a maximum for each channel of the maps with 1, 2, 4 and 1 times `channels`.
+        // Three coordinates and a maximum for each channel of the maps with 1, 2, 4 and 1 times
+        // `channels`.
         let n_features = 4 * 8 * sizes.channels;
         Self {
             hidden: [
@@ -162,11 +180,18 @@ impl PaperHead {
     }
 
     fn forward(&self, maps: [Tensor<5>; 4]) -> PoseValues {
-        let features = maps.into_iter().flat_map(|map| [spatial_softmax(map.clone()), global_max(map)]).collect();
-        let hidden = self.hidden.iter().fold(Tensor::cat(features, 1), |x, dense| leaky_relu(dense.forward(x), SLOPE));
+        let features = maps
+            .into_iter()
+            .flat_map(|map| [spatial_softmax(map.clone()), global_max(map)])
+            .collect();
+        let hidden = self
+            .hidden
+            .iter()
+            .fold(Tensor::cat(features, 1), |x, dense| leaky_relu(dense.forward(x), SLOPE));
         let values = self.out.forward(hidden);
         let [n, n_values] = values.dims();
-        let rotation = values.clone().narrow(1, 0, n_values - 2).reshape([n, 3, self.rotation_bins]);
+        let rotation =
+            values.clone().narrow(1, 0, n_values - 2).reshape([n, 3, self.rotation_bins]);
         PoseValues { rotation, gripper: values.narrow(1, n_values - 2, 2) }
     }
 }
@@ -183,7 +208,10 @@ fn max_pool(x: Tensor<5>) -> Tensor<5> {
         let pairs = x.reshape([n * c * d * h, w / 2, 2]);
         let odd = pairs.clone().narrow(2, 1, 1);
         // The window of an even cell starts at the odd one before it; the first has none.
-        let before = Tensor::cat(vec![pairs.clone().narrow(1, 0, 1).narrow(2, 0, 1), odd.narrow(1, 0, w / 2 - 1)], 1);
+        let before = Tensor::cat(
+            vec![pairs.clone().narrow(1, 0, 1).narrow(2, 0, 1), odd.narrow(1, 0, w / 2 - 1)],
+            1,
+        );
         let windows = Tensor::cat(vec![before, pairs], 2).max_dim(2);
         windows.reshape([n, c, d, h, w / 2]).swap_dims(axis, 4)
     })
@@ -217,7 +245,9 @@ fn spatial_softmax(x: Tensor<5>) -> Tensor<2> {
     let device = x.device();
     let attention = softmax(x.reshape([n * c, d * h * w]) / TEMPERATURE, 1);
     let along = |i: usize, side: usize| 2.0 * i as f32 / (side - 1) as f32 - 1.0;
-    let coordinates = (0..d * h * w).flat_map(|i| [along(i % w, w), along(i / w % h, h), along(i / (w * h), d)]).collect();
+    let coordinates = (0..d * h * w)
+        .flat_map(|i| [along(i % w, w), along(i / w % h, h), along(i / (w * h), d)])
+        .collect();
     let coordinates = tensor(coordinates, [d * h * w, 3], &device);
     attention.matmul(coordinates).reshape([n, 3 * c])
 }
@@ -243,7 +273,8 @@ mod tests {
 
     #[test]
     fn released_sizes_have_the_released_number_of_parameters() {
-        let sizes = PaperSizes { side: 16, channels: 64, bottleneck: 32, hidden: 128, rotation_bins: None };
+        let sizes =
+            PaperSizes { side: 16, channels: 64, bottleneck: 32, hidden: 128, rotation_bins: None };
         assert_eq!(network(sizes).num_params(), 879_553);
         let last = network(PaperSizes { rotation_bins: Some(72), ..sizes });
         assert_eq!(last.num_params(), 1_186_459);
@@ -267,8 +298,15 @@ mod tests {
     #[test]
     fn values_and_gradients_are_those_of_pytorch() {
         let golden: Golden =
-            serde_json::from_str(include_str!("../../../../tests/golden/q_network.json")).expect("a golden file");
-        let network = network(PaperSizes { side: 8, channels: 4, bottleneck: 3, hidden: 5, rotation_bins: Some(4) });
+            serde_json::from_str(include_str!("../../../../tests/golden/q_network.json"))
+                .expect("a golden file");
+        let network = network(PaperSizes {
+            side: 8,
+            channels: 4,
+            bottleneck: 3,
+            hidden: 5,
+            rotation_bins: Some(4),
+        });
         let mut weights = export(&network);
         let mut fan_in = 1;
         for (k, tensor) in weights.iter_mut().enumerate() {
@@ -278,7 +316,8 @@ mod tests {
                 [_, c_in, kernel, _, _] => c_in * kernel * kernel * kernel,
                 _ => fan_in,
             };
-            tensor.values = wave(tensor.values.len(), 0.7, 1.3 * k as f64, 1.0 / (fan_in as f64).sqrt());
+            tensor.values =
+                wave(tensor.values.len(), 0.7, 1.3 * k as f64, 1.0 / (fan_in as f64).sqrt());
         }
         let leaves = import(network, &weights).expect("its own tensors").train();
         let device = Backend::Flex.device().autodiff();
@@ -303,9 +342,11 @@ mod tests {
         struct Slopes(burn::tensor::Gradients, Vec<f32>);
         impl burn::module::ModuleVisitor for Slopes {
             fn visit_float<const D: usize>(&mut self, param: &burn::module::Param<Tensor<D>>) {
-                let gradient = values(param.val().grad(&self.0).expect("the loss depends on every parameter"));
+                let gradient =
+                    values(param.val().grad(&self.0).expect("the loss depends on every parameter"));
                 let wave = wave(gradient.len(), 0.9, 0.2, 1.0);
-                self.1.push(gradient.iter().zip(wave).map(|(gradient, wave)| gradient * wave).sum());
+                self.1
+                    .push(gradient.iter().zip(wave).map(|(gradient, wave)| gradient * wave).sum());
             }
         }
         let mut slopes = Slopes(loss.backward(), Vec::new());

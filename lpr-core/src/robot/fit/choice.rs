@@ -29,7 +29,8 @@ impl Ball {
 
 /// At most `n` balls, enlarged by no more than `tolerance`, that cover the grid's spots.
 ///
-/// Greedy: the spot furthest from the middle, where candidates are fewest, takes the ball that covers most besides it.
+/// Greedy: the spot furthest from the middle, where candidates are fewest, takes the ball that
+/// covers most besides it.
 pub(super) fn choose(grid: &Grid, tolerance: f64, n: usize) -> Option<Vec<Ball>> {
     let enlarged = |ball: Ball| Ball { radius: ball.depth + tolerance, ..ball };
     let candidates: Vec<Ball> = grid.balls().map(enlarged).collect();
@@ -59,7 +60,8 @@ fn n_covered(ball: &Ball, spots: &[Spot]) -> usize {
 /// Leaves out balls without which everything is covered, the smallest first.
 fn drop_superfluous(balls: &mut Vec<Ball>, spots: &[Spot]) {
     balls.sort_by(|a, b| a.radius.total_cmp(&b.radius));
-    let mut n_covering: Vec<usize> = spots.iter().map(|spot| balls.iter().filter(|ball| ball.covers(spot)).count()).collect();
+    let mut n_covering: Vec<usize> =
+        spots.iter().map(|spot| balls.iter().filter(|ball| ball.covers(spot)).count()).collect();
     balls.retain(|ball| {
         let is_needed = spots.iter().zip(&n_covering).any(|(spot, n)| *n == 1 && ball.covers(spot));
         if !is_needed {
@@ -70,7 +72,8 @@ fn drop_superfluous(balls: &mut Vec<Ball>, spots: &[Spot]) {
     });
 }
 
-/// Makes every ball as small as it may be, where a spot is left to the ball that has most room around it.
+/// Makes every ball as small as it may be, where a spot is left to the ball that has most room
+/// around it.
 fn tighten(balls: &mut [Ball], spots: &[Spot]) {
     let mut needed = vec![0.0_f64; balls.len()];
     for spot in spots {

@@ -1,7 +1,8 @@
 //! A surface on a grid: where it is, what it encloses, and how deep inside that is.
 //!
-//! Cells of side `a` tell inside from outside; cells a quarter as wide, whose centres stand for the surface, tell distances.
-//! The samples of a triangle lie so close that a step from a cell to its neighbour cannot cross the surface unseen.
+//! Cells of side `a` tell inside from outside; cells a quarter as wide, whose centres stand for the
+//! surface, tell distances. The samples of a triangle lie so close that a step from a cell to its
+//! neighbour cannot cross the surface unseen.
 
 use super::Triangle;
 use super::choice::Ball;
@@ -23,8 +24,8 @@ const MAX_SAMPLES: f64 = 5e6;
 const PADDING: f64 = 2.0;
 /// Distance of a cube's corner from its centre, in sides.
 const HALF_DIAGONAL: f64 = 0.866_025_403_784_438_6;
-/// Distance of any point of a triangle from the nearest sample, in spacings, at most: rows are half a spacing apart, and the
-/// nearest sample of the row is no further.
+/// Distance of any point of a triangle from the nearest sample, in spacings, at most: rows are half
+/// a spacing apart, and the nearest sample of the row is no further.
 const SAMPLE_REACH: f64 = core::f64::consts::FRAC_1_SQRT_2;
 
 /// A surface on a grid.
@@ -35,7 +36,8 @@ pub(super) struct Grid {
     sample_reach: f64,
     /// Every sample with all points that it stands for, and every enclosed cell.
     spots: Vec<Spot>,
-    /// Centres of enclosed cells, each with the radius of a ball around it that the surface does not enter.
+    /// Centres of enclosed cells, each with the radius of a ball around it that the surface does
+    /// not enter.
     enclosed: Vec<Ball>,
     /// One sample of each cell through which the surface passes.
     on_surface: Vec<Ball>,
@@ -69,8 +71,12 @@ impl Grid {
             let depth = (nearest(center, &cells, axes.cell) - sample_reach).max(0.0);
             Ball { center, depth, radius: 0.0 }
         };
-        let enclosed: Vec<Ball> = axes.enclosed(cells.iter().map(|it| it.idx)).into_iter().map(ball).collect();
-        let on_surface = cells.iter().map(|it| surface_ball(axes.cell, nearest_to(it.center, it.samples))).collect();
+        let enclosed: Vec<Ball> =
+            axes.enclosed(cells.iter().map(|it| it.idx)).into_iter().map(ball).collect();
+        let on_surface = cells
+            .iter()
+            .map(|it| surface_ball(axes.cell, nearest_to(it.center, it.samples)))
+            .collect();
         let spots = spots(&samples, sample_reach, &enclosed, axes.cell);
         Ok(Self { cell: axes.cell, sample_reach, spots, enclosed, on_surface })
     }
@@ -80,7 +86,8 @@ impl Grid {
         surface_ball(self.cell, sample)
     }
 
-    /// By how much balls must at least be enlarged so that each enclosed cell and each sample can be covered by its own.
+    /// By how much balls must at least be enlarged so that each enclosed cell and each sample can
+    /// be covered by its own.
     pub(super) fn least_tolerance(&self) -> f64 {
         let of_sample = self.sample_reach - self.ball_at(DVec3::ZERO).depth;
         let of_cell = |ball: &Ball| self.cell * HALF_DIAGONAL - ball.depth;
@@ -100,9 +107,12 @@ impl Grid {
 
 fn spots(samples: &[DVec3], sample_reach: f64, enclosed: &[Ball], cell: f64) -> Vec<Spot> {
     let of_samples = samples.iter().map(|&center| Spot { center, radius: sample_reach });
-    let of_cells = enclosed.iter().map(|ball| Spot { center: ball.center, radius: cell * HALF_DIAGONAL });
+    let of_cells =
+        enclosed.iter().map(|ball| Spot { center: ball.center, radius: cell * HALF_DIAGONAL });
     let mut spots: Vec<Spot> = of_samples.chain(of_cells).collect();
-    let (low, high) = samples.iter().fold((DVec3::MAX, DVec3::MIN), |(low, high), sample| (low.min(*sample), high.max(*sample)));
+    let (low, high) = samples.iter().fold((DVec3::MAX, DVec3::MIN), |(low, high), sample| {
+        (low.min(*sample), high.max(*sample))
+    });
     let from_middle = |spot: &Spot| spot.center.distance_squared(0.5 * (low + high));
     spots.sort_by(|a, b| from_middle(b).total_cmp(&from_middle(a)));
     spots
@@ -116,7 +126,8 @@ fn surface_ball(cell: f64, sample: DVec3) -> Ball {
 /// Distance to the nearest sample, metres: only in cells that may hold it.
 fn nearest(point: DVec3, cells: &[SurfaceCell<'_>], cell: f64) -> f64 {
     let squared = |it: &SurfaceCell<'_>| it.center.distance_squared(point);
-    let limit = libm::sqrt(cells.iter().map(squared).fold(f64::INFINITY, f64::min)) + 2.0 * HALF_DIAGONAL * cell;
+    let limit = libm::sqrt(cells.iter().map(squared).fold(f64::INFINITY, f64::min))
+        + 2.0 * HALF_DIAGONAL * cell;
     let near = cells.iter().filter(|it| squared(it) <= limit * limit).flat_map(|it| it.samples);
     libm::sqrt(near.map(|sample| sample.distance_squared(point)).fold(f64::INFINITY, f64::min))
 }
@@ -143,11 +154,14 @@ fn surface_cells<'a>(axes: &Axes, fine: &[FineCell], samples: &'a [DVec3]) -> Ve
 }
 
 fn nearest_to(point: DVec3, samples: &[DVec3]) -> DVec3 {
-    let nearer = |a: DVec3, b: &DVec3| if b.distance_squared(point) < a.distance_squared(point) { *b } else { a };
+    let nearer = |a: DVec3, b: &DVec3| {
+        if b.distance_squared(point) < a.distance_squared(point) { *b } else { a }
+    };
     samples.iter().fold(DVec3::MAX, nearer)
 }
 
-/// Rows of samples on a triangle, parallel to its longest side: from there, every point sees a row at a right angle.
+/// Rows of samples on a triangle, parallel to its longest side: from there, every point sees a row
+/// at a right angle.
 struct Rows {
     /// The ends of the longest side.
     base: [DVec3; 2],
@@ -161,7 +175,9 @@ impl Rows {
     fn new([a, b, c]: &Triangle, spacing: f64) -> Self {
         let sides = [[*a, *b, *c], [*b, *c, *a], [*c, *a, *b]];
         let length = |[from, to, _]: &Triangle| from.distance_squared(*to);
-        let longest = sides.iter().fold(sides[0], |most, side| if length(side) > length(&most) { *side } else { most });
+        let longest = sides
+            .iter()
+            .fold(sides[0], |most, side| if length(side) > length(&most) { *side } else { most });
         let [from, to, apex] = longest;
         let base_length = libm::sqrt(length(&longest)).max(f64::MIN_POSITIVE);
         let area = (to - from).cross(apex - from);
@@ -185,15 +201,18 @@ impl Rows {
 }
 
 impl Axes {
-    /// Cells around the corners, an odd number of them along each axis: the middle of a symmetric solid is that of a cell.
+    /// Cells around the corners, an odd number of them along each axis: the middle of a symmetric
+    /// solid is that of a cell.
     fn around(triangles: &[Triangle]) -> Self {
         let corners = || triangles.iter().flatten().copied();
-        let (low, high) = (corners().fold(DVec3::MAX, DVec3::min), corners().fold(DVec3::MIN, DVec3::max));
+        let (low, high) =
+            (corners().fold(DVec3::MAX, DVec3::min), corners().fold(DVec3::MIN, DVec3::max));
         let sides = high - low;
         let least = (sides.max_element() / MAX_PER_SIDE).max(MIN_CELL);
         let filled = sides.max(DVec3::splat(least));
         let cell = libm::cbrt(filled.x * filled.y * filled.z / N_CELLS).max(least);
-        let half_n = (0.5 * sides / cell - 0.5).to_array().map(|n| libm::ceil(n).max(0.0) + PADDING);
+        let half_n =
+            (0.5 * sides / cell - 0.5).to_array().map(|n| libm::ceil(n).max(0.0) + PADDING);
         let low = 0.5 * (low + high) - cell * (DVec3::from_array(half_n) + 0.5);
         Self { low, cell, n: half_n.map(|n| 2 * n as usize + 1) }
     }
@@ -214,16 +233,21 @@ impl Axes {
 
     fn fine_cell(&self, point: DVec3) -> FineCell {
         let idx = ((point - self.low) * (FINE as f64 / self.cell)).to_array();
-        let idx: [usize; 3] = core::array::from_fn(|axis| (idx[axis] as usize).min(FINE * self.n[axis] - 1));
+        let idx: [usize; 3] =
+            core::array::from_fn(|axis| (idx[axis] as usize).min(FINE * self.n[axis] - 1));
         (self.index(idx.map(|i| i / FINE)), idx)
     }
 
     /// The fine cells of all samples, sorted by their cells.
     fn fine_cells_of(&self, triangles: &[Triangle]) -> Result<Vec<FineCell>, String> {
         let spacing = SPACING * self.cell;
-        let rows: Vec<Rows> = triangles.iter().map(|triangle| Rows::new(triangle, spacing)).collect();
+        let rows: Vec<Rows> =
+            triangles.iter().map(|triangle| Rows::new(triangle, spacing)).collect();
         if rows.iter().map(Rows::n_samples).sum::<f64>() > MAX_SAMPLES {
-            return Err(format!("a mesh of {} triangles that are large and many: simplify it", triangles.len()));
+            return Err(format!(
+                "a mesh of {} triangles that are large and many: simplify it",
+                triangles.len()
+            ));
         }
         let mut fine = Vec::new();
         for sample in rows.iter().flat_map(Rows::samples) {
@@ -237,7 +261,8 @@ impl Axes {
         Ok(fine)
     }
 
-    /// Cells that cannot be reached from outside, face by face, without passing through the surface.
+    /// Cells that cannot be reached from outside, face by face, without passing through the
+    /// surface.
     fn enclosed(&self, surface: impl Iterator<Item = usize>) -> Vec<usize> {
         let mut is_known = vec![false; self.n.iter().product()];
         surface.for_each(|cell| is_known[cell] = true);
@@ -255,9 +280,11 @@ impl Axes {
 
     fn neighbours(&self, idx: usize) -> impl Iterator<Item = usize> {
         let [n_x, n_y, n_z] = self.n;
-        let steps = [(1, n_x, idx % n_x), (n_x, n_y, idx / n_x % n_y), (n_x * n_y, n_z, idx / n_x / n_y)];
+        let steps =
+            [(1, n_x, idx % n_x), (n_x, n_y, idx / n_x % n_y), (n_x * n_y, n_z, idx / n_x / n_y)];
         steps.into_iter().flat_map(move |(step, n, at)| {
-            let (before, after) = ((at > 0).then(|| idx - step), (at + 1 < n).then_some(idx + step));
+            let (before, after) =
+                ((at > 0).then(|| idx - step), (at + 1 < n).then_some(idx + step));
             before.into_iter().chain(after)
         })
     }

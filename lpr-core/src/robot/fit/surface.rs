@@ -15,13 +15,15 @@ pub(super) fn cuboid(half_extents: DVec3) -> Vec<Triangle> {
             (unit[axis], unit[(axis + 1) % 3], unit[(axis + 2) % 3]) = (side, u, v);
             DVec3::from_array(unit) * half_extents
         };
-        let [a, b, c, d] = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
+        let [a, b, c, d] =
+            [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
         [[a, b, c], [a, c, d]]
     };
     (0..3).flat_map(|axis| [-1.0, 1.0].into_iter().flat_map(move |side| face(axis, side))).collect()
 }
 
-/// The prism within a cylinder along z, and the furthest that a point of the cylinder is from it, metres.
+/// The prism within a cylinder along z, and the furthest that a point of the cylinder is from it,
+/// metres.
 pub(super) fn cylinder(radius: f64, half_length: f64) -> (Vec<Triangle>, f64) {
     let corner = |i: usize, z: f64| {
         let (sin, cos) = libm::sincos(TAU * i as f64 / N_SIDES as f64);

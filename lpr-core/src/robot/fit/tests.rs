@@ -23,7 +23,9 @@ impl Convex {
     fn signed_distance(self, p: DVec3) -> f64 {
         let beyond = match self {
             Self::Cuboid(half) => p.abs() - half,
-            Self::Cylinder(radius, half_length) => DVec3::new(p.truncate().length() - radius, p.z.abs() - half_length, f64::MIN),
+            Self::Cylinder(radius, half_length) => {
+                DVec3::new(p.truncate().length() - radius, p.z.abs() - half_length, f64::MIN)
+            }
         };
         beyond.max(DVec3::ZERO).length() + beyond.max_element().min(0.0)
     }
@@ -37,7 +39,11 @@ impl Convex {
             }
             Self::Cylinder(radius, half_length) => {
                 let (u, v, angle) = (unit(), unit(), 3.2 * unit());
-                let (radius, z) = if u.abs() < v.abs() { (radius, u / v.abs()) } else { (radius * v.abs().sqrt(), u.signum()) };
+                let (radius, z) = if u.abs() < v.abs() {
+                    (radius, u / v.abs())
+                } else {
+                    (radius * v.abs().sqrt(), u.signum())
+                };
                 DVec3::new(radius * angle.cos(), radius * angle.sin(), half_length * z)
             }
         }
@@ -45,20 +51,30 @@ impl Convex {
 }
 
 fn is_covered(cover: &Cover, point: DVec3) -> bool {
-    cover.spheres.iter().any(|ball| ball.center.as_dvec3().distance(point) <= f64::from(ball.radius))
+    cover
+        .spheres
+        .iter()
+        .any(|ball| ball.center.as_dvec3().distance(point) <= f64::from(ball.radius))
 }
 
-/// No sphere of a convex solid's cover reaches further than the bound: a ball reaches as far as its centre does, and its radius.
+/// No sphere of a convex solid's cover reaches further than the bound: a ball reaches as far as its
+/// centre does, and its radius.
 fn assert_within_bound(shape: Convex, cover: &Cover) {
     for ball in &cover.spheres {
         let reach = f64::from(ball.radius) + shape.signed_distance(ball.center.as_dvec3());
-        assert!(reach <= f64::from(cover.overshoot) + 1e-6, "{shape:?}: {ball:?} reaches {reach} m, not {}", cover.overshoot);
+        assert!(
+            reach <= f64::from(cover.overshoot) + 1e-6,
+            "{shape:?}: {ball:?} reaches {reach} m, not {}",
+            cover.overshoot
+        );
     }
 }
 
 fn convex() -> impl Strategy<Value = Convex> {
-    let cuboid = [0.002..0.3, 0.002..0.3, 0.002..0.3_f64].prop_map(|half| Convex::Cuboid(DVec3::from_array(half)));
-    let cylinder = (0.005..0.2, 0.002..0.4_f64).prop_map(|(radius, half_length)| Convex::Cylinder(radius, half_length));
+    let cuboid = [0.002..0.3, 0.002..0.3, 0.002..0.3_f64]
+        .prop_map(|half| Convex::Cuboid(DVec3::from_array(half)));
+    let cylinder = (0.005..0.2, 0.002..0.4_f64)
+        .prop_map(|(radius, half_length)| Convex::Cylinder(radius, half_length));
     prop_oneof![cuboid, cylinder]
 }
 
@@ -113,7 +129,8 @@ proptest! {
 
 #[test]
 fn a_ball_is_itself() {
-    let expected = Cover { spheres: vec![Sphere { center: Vec3::ZERO, radius: 0.06 }], overshoot: 0.0 };
+    let expected =
+        Cover { spheres: vec![Sphere { center: Vec3::ZERO, radius: 0.06 }], overshoot: 0.0 };
     assert_eq!(cover(&Solid::Ball { radius: 0.06 }), Ok(expected));
 }
 
@@ -123,29 +140,48 @@ fn links_of_usual_size_overshoot_by_two_centimetres_at_most() {
     let hand = Convex::Cuboid(DVec3::new(0.03, 0.1, 0.035));
     for (shape, bound) in [(upper_arm, 0.02), (hand, 0.02)] {
         let cover = cover(&shape.solid()).expect("few triangles");
-        assert!(cover.overshoot <= bound, "{shape:?}: {} m with {}", cover.overshoot, cover.spheres.len());
+        assert!(
+            cover.overshoot <= bound,
+            "{shape:?}: {} m with {}",
+            cover.overshoot,
+            cover.spheres.len()
+        );
     }
 }
 
 /// An L of two boxes: its inner corner stays free, which no convex hull leaves free.
 #[test]
 fn a_mesh_with_an_elbow_keeps_its_inner_corner_free() {
-    let moved = |half_extents, by: DVec3| cuboid(half_extents).into_iter().map(move |triangle| triangle.map(|p| p + by));
-    let parts = [(DVec3::new(0.04, 0.04, 0.15), DVec3::ZERO), (DVec3::new(0.1, 0.04, 0.04), DVec3::new(0.14, 0.0, -0.11))];
+    let moved = |half_extents, by: DVec3| {
+        cuboid(half_extents).into_iter().map(move |triangle| triangle.map(|p| p + by))
+    };
+    let parts = [
+        (DVec3::new(0.04, 0.04, 0.15), DVec3::ZERO),
+        (DVec3::new(0.1, 0.04, 0.04), DVec3::new(0.14, 0.0, -0.11)),
+    ];
     let triangles = parts.iter().flat_map(|(half_extents, by)| moved(*half_extents, *by)).collect();
     let cover = cover(&Solid::Mesh { triangles }).expect("few triangles");
-    let distance =
-        |p: DVec3| parts.map(|(half, at)| Convex::Cuboid(half).signed_distance(p - at)).into_iter().fold(f64::MAX, f64::min);
+    let distance = |p: DVec3| {
+        parts
+            .map(|(half, at)| Convex::Cuboid(half).signed_distance(p - at))
+            .into_iter()
+            .fold(f64::MAX, f64::min)
+    };
     let mut rng = stream(1, Stream::Ik, 0);
     for ball in &cover.spheres {
         for _ in 0..1000 {
             let around = DVec3::from_array([(); 3].map(|()| rng.random_range(-1.0..1.0)));
-            let beyond = distance(ball.center.as_dvec3() + f64::from(ball.radius) * around.normalize_or_zero());
+            let beyond = distance(
+                ball.center.as_dvec3() + f64::from(ball.radius) * around.normalize_or_zero(),
+            );
             assert!(beyond <= f64::from(cover.overshoot), "{ball:?} reaches {beyond} m");
         }
     }
     assert!(!is_covered(&cover, DVec3::new(0.1, 0.0, 0.03)));
-    assert!(is_covered(&cover, DVec3::ZERO) && is_covered(&cover, DVec3::new(0.2, 0.0, -0.11)), "the inside is covered, too");
+    assert!(
+        is_covered(&cover, DVec3::ZERO) && is_covered(&cover, DVec3::new(0.2, 0.0, -0.11)),
+        "the inside is covered, too"
+    );
     assert!(cover.overshoot < 0.035, "{} m", cover.overshoot);
 }
 
@@ -154,14 +190,24 @@ fn a_mesh_without_thickness_or_extent_is_covered() {
     let flat = Solid::Mesh { triangles: vec![[DVec3::ZERO, DVec3::X * 0.1, DVec3::Y * 0.1]] };
     let point = Solid::Mesh { triangles: vec![[DVec3::X; 3]] };
     assert!(cover(&flat).is_ok_and(|cover| is_covered(&cover, DVec3::new(0.05, 0.05, 0.0))));
-    assert!(cover(&point).is_ok_and(|cover| is_covered(&cover, DVec3::X) && cover.spheres.len() == 1));
+    assert!(
+        cover(&point).is_ok_and(|cover| is_covered(&cover, DVec3::X) && cover.spheres.len() == 1)
+    );
 }
 
 #[test]
 fn the_largest_and_the_flattest_shapes_are_covered_in_the_end() {
-    for half_extents in [DVec3::new(500.0, 1e-6, 1e-6), DVec3::new(500.0, 500.0, 1e-6), DVec3::splat(500.0), DVec3::splat(1e-7)] {
+    for half_extents in [
+        DVec3::new(500.0, 1e-6, 1e-6),
+        DVec3::new(500.0, 500.0, 1e-6),
+        DVec3::splat(500.0),
+        DVec3::splat(1e-7),
+    ] {
         let cover = cover(&Solid::Cuboid { half_extents }).expect("few triangles");
-        assert!(is_covered(&cover, half_extents) && cover.spheres.len() <= MAX_SPHERES, "{half_extents}");
+        assert!(
+            is_covered(&cover, half_extents) && cover.spheres.len() <= MAX_SPHERES,
+            "{half_extents}"
+        );
         assert_within_bound(Convex::Cuboid(half_extents), &cover);
     }
 }
@@ -169,6 +215,7 @@ fn the_largest_and_the_flattest_shapes_are_covered_in_the_end() {
 #[test]
 fn a_mesh_that_asks_for_too_many_samples_is_refused() {
     let sliver = [DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1e-3, 0.0)];
-    let message = cover(&Solid::Mesh { triangles: vec![sliver; 5000] }).expect_err("five thousand large triangles");
+    let message = cover(&Solid::Mesh { triangles: vec![sliver; 5000] })
+        .expect_err("five thousand large triangles");
     assert!(message.contains("5000 triangles"), "{message}");
 }

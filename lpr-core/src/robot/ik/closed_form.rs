@@ -1,9 +1,10 @@
 //! All solutions at a fixed last joint, in closed form and f64.
 //!
-//! Both arms have a spherical shoulder (axes 1–3 meet in `S`) and a wrist point `W` (origin of frames 5 and 6); every twist but
-//! the first is ±π/2. With `q7` given, frame 6 is known. Then
+//! Both arms have a spherical shoulder (axes 1–3 meet in `S`) and a wrist point `W` (origin of
+//! frames 5 and 6); every twist but the first is ±π/2. With `q7` given, frame 6 is known. Then
 //! - `|W − S|` depends on `q4` alone: `A cos q4 + B sin q4 = C`, two roots;
-//! - the height of `S` along `z5`, seen from frame 6, depends on `q6` alone: again two roots, and `q5` follows;
+//! - the height of `S` along `z5`, seen from frame 6, depends on `q6` alone: again two roots, and
+//!   `q5` follows;
 //! - what remains is the shoulder's rotation `Rz(q1) Ry(q2) Rz(q3)`: two roots.
 
 use super::super::{DOF, Joint, JointConfig, Robot};
@@ -12,13 +13,16 @@ use glamx::{DMat3, DPose3, DQuat, DVec3, Pose3};
 
 /// Most solutions at one `q7`.
 const MAX_BRANCHES: usize = 8;
-/// Distance by which a pose may lie beyond the reach and still counts as stretched out, metres: rounding of f32 poses.
+/// Distance by which a pose may lie beyond the reach and still counts as stretched out, metres:
+/// rounding of f32 poses.
 const REACH_SLACK: f64 = 3e-7;
 /// Most by which the hand may be off where that slack was made use of, metres.
 const EXACT: f64 = 5e-5;
-/// Angle by which a solution may lie beyond a limit and is moved onto it, radians: rounding of f32 poses.
+/// Angle by which a solution may lie beyond a limit and is moved onto it, radians: rounding of f32
+/// poses.
 const LIMIT_SLACK: f64 = 5e-7;
-/// Sine or lever (metres) below which an angle is undetermined and taken from the reference configuration.
+/// Sine or lever (metres) below which an angle is undetermined and taken from the reference
+/// configuration.
 const SINGULAR: f64 = 1e-9;
 
 /// Angles in f64: what the solver works on.
@@ -144,13 +148,14 @@ impl<'r> Target<'r> {
         branches
     }
 
-    /// Where two roots meet, the slack for rounding moves the hand by its square root: solutions that are off by more than
-    /// [`EXACT`] are dropped, those before `first` left as they are.
+    /// Where two roots meet, the slack for rounding moves the hand by its square root: solutions
+    /// that are off by more than [`EXACT`] are dropped, those before `first` left as they are.
     fn keep_exact(&self, branches: &mut IkBranches, first: usize) {
         let mut kept = first;
         for i in first..branches.len {
             let angles = branches.angles[i];
-            let wrist = self.robot.frames_at(&angles)[DOF - 1].translation - DVec3::new(0.0, 0.0, self.robot.joints[0].d);
+            let wrist = self.robot.frames_at(&angles)[DOF - 1].translation
+                - DVec3::new(0.0, 0.0, self.robot.joints[0].d);
             if (wrist - self.from_shoulder).length() <= EXACT {
                 branches.angles[kept] = angles;
                 kept += 1;
@@ -170,7 +175,8 @@ impl<'r> Target<'r> {
         roots(a, b, c, 2.0 * distance * REACH_SLACK)
     }
 
-    /// `S` in frame 4 turned by the twist of joint 5 and moved by its `a`: (x, 0, z) before `q5` turns it about z.
+    /// `S` in frame 4 turned by the twist of joint 5 and moved by its `a`: (x, 0, z) before `q5`
+    /// turns it about z.
     fn shoulder_in_5(&self, (sin4, cos4): SinCos) -> DVec3 {
         let [_, _, joint3, joint4, joint5, ..] = &self.robot.joints;
         let (x, y) = (-joint4.a, -joint3.d);
@@ -178,10 +184,17 @@ impl<'r> Target<'r> {
         DVec3::new(turned_x - joint5.a, 0.0, -sign(joint5) * turned_y)
     }
 
-    fn push_shoulder(&self, branches: &mut IkBranches, rotation: DMat3, [q4, q5, q6, q7]: [f64; 4], near: &Angles) {
+    fn push_shoulder(
+        &self,
+        branches: &mut IkBranches,
+        rotation: DMat3,
+        [q4, q5, q6, q7]: [f64; 4],
+        near: &Angles,
+    ) {
         for [q1, q2, q3] in shoulder_roots(rotation, near[0]) {
             let [joint1, joint2, joint3, ..] = &self.robot.joints;
-            let shoulder = (wind(joint1, q1, near[0]), wind(joint2, q2, near[1]), wind(joint3, q3, near[2]));
+            let shoulder =
+                (wind(joint1, q1, near[0]), wind(joint2, q2, near[1]), wind(joint3, q3, near[2]));
             if let (Some(q1), Some(q2), Some(q3)) = shoulder {
                 branches.push([q1, q2, q3, q4, q5, q6, q7]);
             }
@@ -223,7 +236,8 @@ fn wrist_roots(shoulder_in_6: DVec3, height: f64, near: f64) -> Roots {
 /// The angle of joint 5 that turns the shoulder from `lever` along x to where frame 6 sees it.
 fn swing(shoulder_in_6: DVec3, (sin6, cos6): SinCos, lever: f64, near: f64) -> SinCos {
     let side = if lever < 0.0 { -1.0 } else { 1.0 };
-    let (along, across) = (side * (cos6 * shoulder_in_6.x - sin6 * shoulder_in_6.y), side * shoulder_in_6.z);
+    let (along, across) =
+        (side * (cos6 * shoulder_in_6.x - sin6 * shoulder_in_6.y), side * shoulder_in_6.z);
     let length = libm::sqrt(along * along + across * across);
     if length < SINGULAR { libm::sincos(near) } else { (across / length, along / length) }
 }
@@ -234,10 +248,14 @@ fn shoulder_roots(rotation: DMat3, near: f64) -> [[f64; 3]; 2] {
     let sin2 = libm::sqrt(axis.x * axis.x + axis.y * axis.y);
     let q2 = libm::atan2(sin2, axis.z);
     let q3 = |(sin1, cos1): SinCos| {
-        libm::atan2(cos1 * rotation.x_axis.y - sin1 * rotation.x_axis.x, cos1 * rotation.y_axis.y - sin1 * rotation.y_axis.x)
+        libm::atan2(
+            cos1 * rotation.x_axis.y - sin1 * rotation.x_axis.x,
+            cos1 * rotation.y_axis.y - sin1 * rotation.y_axis.x,
+        )
     };
     if sin2 < SINGULAR {
-        // Only q1 + q3 is determined; the second value serves when the first leaves q3 outside its limits.
+        // Only q1 + q3 is determined; the second value serves when the first leaves q3 outside its
+        // limits.
         return [near, near + 1.0].map(|q1| [q1, q2, q3(libm::sincos(q1))]);
     }
     let (q1, q3) = (libm::atan2(axis.y, axis.x), q3((axis.y / sin2, axis.x / sin2)));
@@ -277,10 +295,13 @@ fn wind(joint: &Joint, angle: f64, near: f64) -> Option<f64> {
         away => angle + TAU * libm::rint(away / TAU),
     };
     let outwards = if nearest < near { TAU } else { -TAU };
-    [0.0, outwards, -outwards, 2.0 * outwards, -2.0 * outwards].into_iter().find_map(|turn| within(joint, nearest + turn))
+    [0.0, outwards, -outwards, 2.0 * outwards, -2.0 * outwards]
+        .into_iter()
+        .find_map(|turn| within(joint, nearest + turn))
 }
 
-/// `angle`, moved onto a limit that it exceeds by no more than rounding; nothing further outside or when not a number.
+/// `angle`, moved onto a limit that it exceeds by no more than rounding; nothing further outside or
+/// when not a number.
 pub(super) fn within(joint: &Joint, angle: f64) -> Option<f64> {
     let (lower, upper) = (f64::from(joint.lower), f64::from(joint.upper));
     let inside = lower - LIMIT_SLACK <= angle && angle <= upper + LIMIT_SLACK;

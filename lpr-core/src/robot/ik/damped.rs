@@ -1,8 +1,9 @@
 //! Inverse kinematics of any serial arm: damped least squares from many starts.
 //!
-//! Levenberg and Marquardt's method on the twist that is left, in metres and radians: `dq = Jᵀ (J Jᵀ + λ²)⁻¹ e`, where `λ` shrinks
-//! with every step that helps and grows with every one that does not. A joint at a limit that a step would cross is held there
-//! for that step. Where the error stops shrinking, the next start is drawn.
+//! Levenberg and Marquardt's method on the twist that is left, in metres and radians:
+//! `dq = Jᵀ (J Jᵀ + λ²)⁻¹ e`, where `λ` shrinks with every step that helps and grows with every one
+//! that does not. A joint at a limit that a step would cross is held there for that step. Where the
+//! error stops shrinking, the next start is drawn.
 
 use super::super::chain::{Chain, ChainJoint, Motion, N_BODIES};
 use super::super::{DOF, JointConfig};
@@ -18,7 +19,8 @@ use rand::RngExt as _;
 const MAX_DISTANCE: f64 = 1e-4;
 /// Largest angle between both, radians.
 const MAX_ANGLE: f64 = 1e-3;
-/// Remaining error at which an attempt ends, metres and radians: well below what rounding to f32 adds.
+/// Remaining error at which an attempt ends, metres and radians: well below what rounding to f32
+/// adds.
 const CONVERGED: f64 = 1e-9;
 /// Steps of one attempt.
 const MAX_STEPS: usize = 120;
@@ -37,11 +39,13 @@ const EASED: f64 = 0.3;
 const STIFFENED: f64 = 3.0;
 
 impl Chain {
-    /// Up to `n_solutions` configurations within the limits whose tip is at `world_from_tip`, to 1e-4 m and 1e-3 rad.
+    /// Up to `n_solutions` configurations within the limits whose tip is at `world_from_tip`, to
+    /// 1e-4 m and 1e-3 rad.
     ///
-    /// Any two differ by more than `min_distance` in some joint (radians modulo 2π, metres). The first attempt starts from
-    /// `seed`, the others from draws; each solution takes the winding nearest `seed`. Empty when nothing was found, which is no
-    /// proof that there is nothing: an arm of fewer than six joints reaches few poses.
+    /// Any two differ by more than `min_distance` in some joint (radians modulo 2π, metres). The
+    /// first attempt starts from `seed`, the others from draws; each solution takes the winding
+    /// nearest `seed`. Empty when nothing was found, which is no proof that there is nothing: an
+    /// arm of fewer than six joints reaches few poses.
     ///
     /// ```
     /// use lpr_core::rng::{Stream, stream};
@@ -74,7 +78,9 @@ impl Chain {
             if distinct.solutions.len() >= n_solutions || is_hopeless {
                 break;
             }
-            if let Some(config) = self.descend(&target, start).and_then(|found| self.accepted(&found, &seed, &target)) {
+            if let Some(config) =
+                self.descend(&target, start).and_then(|found| self.accepted(&found, &seed, &target))
+            {
                 distinct.offer(config);
             }
             start = self.drawn(rng);
@@ -90,7 +96,9 @@ impl Chain {
             if at.error.iter().all(|part| part.abs() < CONVERGED) {
                 break;
             }
-            if step % PATIENCE == 0 && core::mem::replace(&mut earlier, at.squared) < 2.0 * at.squared {
+            if step % PATIENCE == 0
+                && core::mem::replace(&mut earlier, at.squared) < 2.0 * at.squared
+            {
                 break;
             }
             let next = Residual::new(self, target, self.step(&at, damping));
@@ -115,7 +123,9 @@ impl Chain {
             let change = DampedInverse::new(jacobian, damping).apply(&at.error);
             let proposed: Angles = core::array::from_fn(|j| at.positions[j] + change[j]);
             let kept = self.within(&proposed);
-            let is_stuck = |j: &usize| change[*j] != 0.0 && proposed[*j] != kept[*j] && at.positions[*j] == kept[*j];
+            let is_stuck = |j: &usize| {
+                change[*j] != 0.0 && proposed[*j] != kept[*j] && at.positions[*j] == kept[*j]
+            };
             let stuck: Vec<usize> = (0..DOF).filter(is_stuck).collect();
             if stuck.is_empty() {
                 return kept;
@@ -125,7 +135,8 @@ impl Chain {
         at.positions
     }
 
-    /// Jacobian of the tip in the world frame: rows are linear, then angular velocity; entries without a joint have none.
+    /// Jacobian of the tip in the world frame: rows are linear, then angular velocity; entries
+    /// without a joint have none.
     fn chain_jacobian(&self, frames: &[DPose3; N_BODIES]) -> [[f64; DOF]; 6] {
         let tip = (frames[DOF] * self.body_from_tip).translation;
         let mut jacobian = [[0.0; DOF]; 6];
@@ -135,7 +146,8 @@ impl Chain {
                 Motion::Turn => (axis.cross(tip - frame.translation), axis),
                 Motion::Slide => (axis, DVec3::ZERO),
             };
-            for (row, value) in linear.to_array().into_iter().chain(angular.to_array()).enumerate() {
+            for (row, value) in linear.to_array().into_iter().chain(angular.to_array()).enumerate()
+            {
                 jacobian[row][j] = value;
             }
         }
@@ -155,7 +167,9 @@ impl Chain {
 
     /// The solution in f32 with the windings nearest `seed`, if its tip is where it should be.
     fn accepted(&self, found: &Angles, seed: &Angles, target: &DPose3) -> Option<JointConfig> {
-        let wound = core::array::from_fn(|j| self.joints.get(j).map_or(0.0, |joint| joint.wound(found[j], seed[j])));
+        let wound = core::array::from_fn(|j| {
+            self.joints.get(j).map_or(0.0, |joint| joint.wound(found[j], seed[j]))
+        });
         let config = rounded(&wound);
         Residual::new(self, target, widened(&config)).is_solved().then_some(config)
     }
@@ -202,7 +216,8 @@ impl Residual {
     fn is_solved(&self) -> bool {
         let [x, y, z, around_x, around_y, around_z] = self.error;
         let is_below = |v: DVec3, most: f64| v.dot(v) < most * most;
-        is_below(DVec3::new(x, y, z), MAX_DISTANCE) && is_below(DVec3::new(around_x, around_y, around_z), MAX_ANGLE)
+        is_below(DVec3::new(x, y, z), MAX_DISTANCE)
+            && is_below(DVec3::new(around_x, around_y, around_z), MAX_ANGLE)
     }
 }
 

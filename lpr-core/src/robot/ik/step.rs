@@ -10,7 +10,8 @@ pub const MAX_STEP_CHANGE: f64 = 0.5;
 const MAX_NEWTON: usize = 8;
 /// Remaining error at which the solution is exact, metres and radians.
 const CONVERGED: f64 = 1e-9;
-/// Damping of the pseudo-inverse, in units of the Jacobian; small, so that convergence stays superlinear.
+/// Damping of the pseudo-inverse, in units of the Jacobian; small, so that convergence stays
+/// superlinear.
 const DAMPING: f64 = 1e-3;
 /// Distance from a limit at which the null-space pull begins, radians.
 const PULL_ZONE: f64 = 1.2;
@@ -23,9 +24,10 @@ pub(super) type Twist = [f64; 6];
 impl Robot {
     /// The configuration that continues `near` to a grip pose a small motion away.
     ///
-    /// Newton's method with a null-space pull away from the limits, in proportion to the motion; where it fails, the closed form
-    /// at `q7` around the one it proposed. `None` when a joint would change by more than [`MAX_STEP_CHANGE`] or leave its limits:
-    /// the branch never changes silently.
+    /// Newton's method with a null-space pull away from the limits, in proportion to the motion;
+    /// where it fails, the closed form at `q7` around the one it proposed. `None` when a joint
+    /// would change by more than [`MAX_STEP_CHANGE`] or leave its limits: the branch never changes
+    /// silently.
     ///
     /// ```
     /// use lpr_core::glamx::Vec3;
@@ -45,17 +47,18 @@ impl Robot {
         let target = exact_pose(world_from_grip);
         let newton = self.newton(&target, &start);
         if newton.converged && self.continues(&newton.angles, &start) {
-            return Some(rounded(&core::array::from_fn(|j| newton.angles[j].clamp(lower(self, j), upper(self, j)))));
+            return Some(rounded(&core::array::from_fn(|j| {
+                newton.angles[j].clamp(lower(self, j), upper(self, j))
+            })));
         }
-        self.search_q7(&Target::new(self, world_from_grip), newton.first_q7, &start).map(|angles| rounded(&angles))
+        self.search_q7(&Target::new(self, world_from_grip), newton.first_q7, &start)
+            .map(|angles| rounded(&angles))
     }
 
     fn continues(&self, angles: &Angles, start: &Angles) -> bool {
-        angles
-            .iter()
-            .zip(start)
-            .zip(&self.joints)
-            .all(|((&q, &from), joint)| (q - from).abs() <= MAX_STEP_CHANGE && within(joint, q).is_some())
+        angles.iter().zip(start).zip(&self.joints).all(|((&q, &from), joint)| {
+            (q - from).abs() <= MAX_STEP_CHANGE && within(joint, q).is_some()
+        })
     }
 
     fn newton(&self, target: &DPose3, start: &Angles) -> Newton {
@@ -81,7 +84,8 @@ impl Robot {
         newton
     }
 
-    /// Adds motion within the null space, away from limits that are nearer than [`PULL_ZONE`], no faster than `change` itself.
+    /// Adds motion within the null space, away from limits that are nearer than [`PULL_ZONE`], no
+    /// faster than `change` itself.
     fn add_pull(&self, inverse: &DampedInverse, angles: &Angles, change: &mut Angles) {
         let speed = libm::sqrt(change.iter().map(|d| d * d).sum());
         let wish: Angles = core::array::from_fn(|j| speed * repulsion(&self.joints[j], angles[j]));
@@ -95,11 +99,17 @@ impl Robot {
     fn search_q7(&self, target: &Target<'_>, around: f64, start: &Angles) -> Option<Angles> {
         let around = around.clamp(start[6] - MAX_STEP_CHANGE, start[6] + MAX_STEP_CHANGE);
         let n_offsets = (2.0 * MAX_STEP_CHANGE / SEARCH_SPACING) as i32;
-        (0..=n_offsets).flat_map(|i| [i, -i]).map(|i| around + f64::from(i) * SEARCH_SPACING).find_map(|q7| {
-            let branches = target.solve(q7, start);
-            let nearest = branches.angles().iter().min_by(|a, b| max_change(a, start).total_cmp(&max_change(b, start)));
-            nearest.copied().filter(|angles| max_change(angles, start) <= MAX_STEP_CHANGE)
-        })
+        (0..=n_offsets)
+            .flat_map(|i| [i, -i])
+            .map(|i| around + f64::from(i) * SEARCH_SPACING)
+            .find_map(|q7| {
+                let branches = target.solve(q7, start);
+                let nearest = branches
+                    .angles()
+                    .iter()
+                    .min_by(|a, b| max_change(a, start).total_cmp(&max_change(b, start)));
+                nearest.copied().filter(|angles| max_change(angles, start) <= MAX_STEP_CHANGE)
+            })
     }
 }
 
@@ -139,7 +149,8 @@ pub(super) fn twist_between(from: &DPose3, to: &DPose3) -> Twist {
     let turn = if turn.w < 0.0 { -turn } else { turn };
     let axis = DVec3::new(turn.x, turn.y, turn.z);
     let sine = axis.length();
-    let angular = if sine > 1e-12 { axis * (2.0 * libm::atan2(sine, turn.w) / sine) } else { axis * 2.0 };
+    let angular =
+        if sine > 1e-12 { axis * (2.0 * libm::atan2(sine, turn.w) / sine) } else { axis * 2.0 };
     [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z]
 }
 

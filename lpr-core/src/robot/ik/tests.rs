@@ -27,7 +27,11 @@ fn grip_at(robot: &Robot, angles: &Angles) -> DPose3 {
 
 fn assert_solves(robot: &Robot, config: &JointConfig, pose: &Pose3) {
     let (distance, angle) = pose_error(&robot.grip_f64(config), &exact_pose(pose));
-    assert!(distance < 1e-4 && angle < 1e-3, "{}: {distance} m, {angle} rad off at {config:?}", robot.name);
+    assert!(
+        distance < 1e-4 && angle < 1e-3,
+        "{}: {distance} m, {angle} rad off at {config:?}",
+        robot.name
+    );
     assert!(robot.within_limits(config), "{}: outside the limits: {config:?}", robot.name);
 }
 
@@ -40,7 +44,9 @@ fn nearest_solution_is_found_and_is_no_further_than_a_known_one() {
         for _ in 0..1000 {
             let (config, near) = (draw(), draw());
             let pose = robot.grip(&config);
-            let found = robot.ik_nearest(&pose, &near).expect("the pose was made by a configuration within the limits");
+            let found = robot
+                .ik_nearest(&pose, &near)
+                .expect("the pose was made by a configuration within the limits");
             assert_solves(robot, &found, &pose);
             n_worse += usize::from(found.distance(&near) > config.distance(&near) + 1e-2);
         }
@@ -63,7 +69,8 @@ proptest! {
                 prop_assert!(distance < 1e-6 && angle < 1e-6, "{}: {distance} m, {angle} rad", robot.name);
                 assert_solves(robot, &rounded, &pose);
             }
-            // Near singular configurations the joints are ill-conditioned in the pose, which is rounded to f32.
+            // Near singular configurations the joints are ill-conditioned in the pose, which is
+            // rounded to f32.
             let recovered = branches.iter().map(|found| found.max_joint_distance(&config)).fold(f32::INFINITY, f32::min);
             prop_assert!(recovered < 0.02, "{}: nearest branch is {recovered} rad from {config:?}", robot.name);
         }
@@ -112,16 +119,23 @@ fn distinct_solutions_spread_over_the_last_joint() {
     }
 }
 
-/// The hand approaches along +x, tilted down by `tilt`, turned about its approach as in the start configurations.
+/// The hand approaches along +x, tilted down by `tilt`, turned about its approach as in the start
+/// configurations.
 fn forward(x: f32, y: f32, z: f32, tilt: f32) -> Pose3 {
-    Pose3::from_parts(Vec3::new(x, y, z), Quat::from_rotation_y(FRAC_PI_2 + tilt) * Quat::from_rotation_z(PI))
+    Pose3::from_parts(
+        Vec3::new(x, y, z),
+        Quat::from_rotation_y(FRAC_PI_2 + tilt) * Quat::from_rotation_z(PI),
+    )
 }
 
-/// Largest joint step on the way through `poses`, from the solution of `start` nearest the robot's start configuration.
+/// Largest joint step on the way through `poses`, from the solution of `start` nearest the robot's
+/// start configuration.
 fn follow(robot: &Robot, start: &Pose3, poses: impl Iterator<Item = Pose3>) -> f32 {
     let mut config = robot.ik_nearest(start, &robot.start).expect("the start is reachable");
     poses.enumerate().fold(0.0, |most, (i, pose)| {
-        let next = robot.ik_step(&pose, &config).unwrap_or_else(|| panic!("{}: stopped at {i}, {config:?}", robot.name));
+        let next = robot
+            .ik_step(&pose, &config)
+            .unwrap_or_else(|| panic!("{}: stopped at {i}, {config:?}", robot.name));
         assert_solves(robot, &next, &pose);
         let step = next.max_joint_distance(&config);
         config = next;
@@ -131,7 +145,9 @@ fn follow(robot: &Robot, start: &Pose3, poses: impl Iterator<Item = Pose3>) -> f
 
 #[test]
 fn step_follows_doors_through_a_right_angle() {
-    for (robot, side, (x, y, tilt)) in product([(0.5, 0.0, FRAC_PI_4), (0.6, 0.15, FRAC_PI_4), (0.55, 0.1, FRAC_PI_2)]) {
+    for (robot, side, (x, y, tilt)) in
+        product([(0.5, 0.0, FRAC_PI_4), (0.6, 0.15, FRAC_PI_4), (0.55, 0.1, FRAC_PI_2)])
+    {
         let start = forward(x, side * y, 0.3 + 0.2 * y, tilt);
         let hinge = start.translation - side * 0.3 * Vec3::Y;
         let door = (1..=45).map(|i| {
@@ -145,25 +161,33 @@ fn step_follows_doors_through_a_right_angle() {
 
 #[test]
 fn step_follows_straight_pulls() {
-    for (robot, side, (x, y, tilt)) in product([(0.6, 0.3, 0.0), (0.6, 0.15, FRAC_PI_4), (0.55, 0.1, FRAC_PI_2)]) {
+    for (robot, side, (x, y, tilt)) in
+        product([(0.6, 0.3, 0.0), (0.6, 0.15, FRAC_PI_4), (0.55, 0.1, FRAC_PI_2)])
+    {
         let start = forward(x, side * y, 0.3, tilt);
-        let pull = (1..=25).map(|i| Pose3::from_parts(start.translation - 0.01 * i as f32 * Vec3::X, start.rotation));
+        let pull = (1..=25).map(|i| {
+            Pose3::from_parts(start.translation - 0.01 * i as f32 * Vec3::X, start.rotation)
+        });
         let step = follow(robot, &start, pull);
         assert!(step < 0.1, "{}: a joint moved {step} rad in 1 cm", robot.name);
     }
 }
 
 /// Both robots on both sides with every start.
-fn product<const N: usize>(starts: [(f32, f32, f32); N]) -> impl Iterator<Item = (&'static Robot, f32, (f32, f32, f32))> {
-    ROBOTS
-        .into_iter()
-        .flat_map(move |robot| [1.0, -1.0].into_iter().flat_map(move |side| starts.map(|start| (robot, side, start))))
+fn product<const N: usize>(
+    starts: [(f32, f32, f32); N],
+) -> impl Iterator<Item = (&'static Robot, f32, (f32, f32, f32))> {
+    ROBOTS.into_iter().flat_map(move |robot| {
+        [1.0, -1.0].into_iter().flat_map(move |side| starts.map(|start| (robot, side, start)))
+    })
 }
 
 #[test]
 fn step_stays_where_the_pose_stays() {
     for robot in ROBOTS {
-        let found = robot.ik_step(&robot.grip(&robot.start), &robot.start).expect("the pose is that of the start");
+        let found = robot
+            .ik_step(&robot.grip(&robot.start), &robot.start)
+            .expect("the pose is that of the start");
         assert!(found.max_joint_distance(&robot.start) < 1e-5, "{}: {found:?}", robot.name);
     }
 }
@@ -225,13 +249,18 @@ fn elbow_fully_stretched_is_solved() {
 fn unreachable_and_broken_poses_have_no_solution() {
     let far = Pose3::from_translation(Vec3::new(3.0, 0.0, 0.5));
     let nan = Pose3::from_translation(Vec3::new(f32::NAN, 0.0, 0.5));
-    let no_rotation = Pose3::from_parts(Vec3::new(0.4, 0.0, 0.4), Quat::from_xyzw(0.0, 0.0, 0.0, 0.0));
+    let no_rotation =
+        Pose3::from_parts(Vec3::new(0.4, 0.0, 0.4), Quat::from_xyzw(0.0, 0.0, 0.0, 0.0));
     for robot in ROBOTS {
         for pose in [far, nan, no_rotation] {
             assert!(robot.ik_all_at(&pose, 0.3, &robot.start).is_empty());
             assert_eq!(robot.ik_nearest(&pose, &robot.start), None);
             assert_eq!(robot.ik_step(&pose, &robot.start), None);
-            assert!(robot.ik_distinct(&pose, 20, 0.2, &robot.start, &mut stream(0, Stream::Ik, 0)).is_empty());
+            assert!(
+                robot
+                    .ik_distinct(&pose, 20, 0.2, &robot.start, &mut stream(0, Stream::Ik, 0))
+                    .is_empty()
+            );
         }
         assert!(robot.ik_all_at(&robot.grip(&robot.start), f64::NAN, &robot.start).is_empty());
     }
@@ -250,10 +279,16 @@ fn windings_are_the_nearest_to_the_reference() {
 fn both_arms_have_the_structure_that_the_closed_form_assumes() {
     for robot in ROBOTS {
         let [joint1, joint2, joint3, joint4, joint5, joint6, joint7] = &robot.joints;
-        assert_eq!((joint1.alpha, joint1.a, joint2.a, joint2.d, joint3.a), (0.0, 0.0, 0.0, 0.0, 0.0));
+        assert_eq!(
+            (joint1.alpha, joint1.a, joint2.a, joint2.d, joint3.a),
+            (0.0, 0.0, 0.0, 0.0, 0.0)
+        );
         assert_eq!((joint4.d, joint6.a, joint6.d), (0.0, 0.0, 0.0));
         let quarter = core::f64::consts::FRAC_PI_2;
-        assert_eq!([joint2, joint3, joint4, joint6].map(|joint| joint.alpha), [-quarter, quarter, quarter, quarter]);
+        assert_eq!(
+            [joint2, joint3, joint4, joint6].map(|joint| joint.alpha),
+            [-quarter, quarter, quarter, quarter]
+        );
         assert!([joint5, joint7].iter().all(|joint| joint.alpha.abs() == quarter));
     }
 }

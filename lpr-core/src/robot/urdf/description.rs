@@ -1,10 +1,13 @@
-//! The links and joints of a URDF, read one by one: what an element says is checked here, how they hang together is not.
+//! The links and joints of a URDF, read one by one: what an element says is checked here, how they
+//! hang together is not.
 
 use crate::error::Result;
 use crate::robot::chain::Motion;
 use crate::robot::fit::Solid;
 use crate::robot::mesh::{self, MeshReader};
-use crate::robot::xml::{Node, attribute, child, children, fault, lengths, needed_child, number, numbers, quoted, sizes};
+use crate::robot::xml::{
+    Node, attribute, child, children, fault, lengths, needed_child, number, numbers, quoted, sizes,
+};
 use core::f64::consts::TAU;
 use glamx::{DPose3, DQuat, DVec3};
 use std::collections::BTreeMap;
@@ -79,7 +82,8 @@ impl Description {
             if link_by_name.insert(name.clone(), links.len()).is_some() {
                 return Err(fault(node, "a second link of that name"));
             }
-            let collisions = children(node, "collision").map(|collision| read_collision(collision, meshes));
+            let collisions =
+                children(node, "collision").map(|collision| read_collision(collision, meshes));
             links.push(Link { name, collisions: collisions.collect::<Result<_>>()? });
         }
         if links.is_empty() {
@@ -107,10 +111,19 @@ fn read_joint(node: Node<'_>, name: &str, link_by_name: &BTreeMap<String, usize>
     let link = |tag| {
         let end = needed_child(node, tag)?;
         let link = attribute(end, "link")?;
-        link_by_name.get(link).copied().ok_or_else(|| fault(end, &format!("there is no link {}", quoted(link))))
+        link_by_name
+            .get(link)
+            .copied()
+            .ok_or_else(|| fault(end, &format!("there is no link {}", quoted(link))))
     };
     let (parent, child) = (link("parent")?, link("child")?);
-    Ok(Joint { name: name.to_owned(), parent, child, parent_from_joint: origin(node)?, mobility: mobility(node)? })
+    Ok(Joint {
+        name: name.to_owned(),
+        parent,
+        child,
+        parent_from_joint: origin(node)?,
+        mobility: mobility(node)?,
+    })
 }
 
 fn mobility(node: Node<'_>) -> Result<Mobility> {
@@ -151,7 +164,11 @@ fn needed_limits(node: Node<'_>, mimic: Option<Node<'_>>) -> Result<Limits> {
         return Err(fault(limit, &format!("'lower' {lower} is above 'upper' {upper}")));
     }
     attribute(limit, "velocity")?;
-    Ok(Limits { lower: lower as f32, upper: upper as f32, max_velocity: velocity(limit)?.unwrap_or(0.0) })
+    Ok(Limits {
+        lower: lower as f32,
+        upper: upper as f32,
+        max_velocity: velocity(limit)?.unwrap_or(0.0),
+    })
 }
 
 /// One turn either way: further windings lead to the same poses.
@@ -164,7 +181,9 @@ fn continuous_limits(node: Node<'_>) -> Result<Limits> {
 fn velocity(limit: Node<'_>) -> Result<Option<f32>> {
     let found = number(limit, "velocity")?;
     match found {
-        Some(velocity) if velocity as f32 <= 0.0 => Err(fault(limit, &format!("'velocity' must be positive, not {velocity}"))),
+        Some(velocity) if velocity as f32 <= 0.0 => {
+            Err(fault(limit, &format!("'velocity' must be positive, not {velocity}")))
+        }
         _ => Ok(found.map(|velocity| velocity as f32)),
     }
 }
@@ -211,8 +230,12 @@ fn solid(node: Node<'_>, meshes: &MeshReader<'_>) -> Result<Solid> {
     Ok(match node.tag_name().name() {
         "sphere" => Solid::Ball { radius: single("radius")? },
         "box" => Solid::Cuboid { half_extents: 0.5 * DVec3::from_array(sizes(node, "size")?) },
-        "cylinder" => Solid::Cylinder { radius: single("radius")?, half_length: 0.5 * single("length")? },
-        "capsule" => Solid::Capsule { radius: single("radius")?, half_length: 0.5 * single("length")? },
+        "cylinder" => {
+            Solid::Cylinder { radius: single("radius")?, half_length: 0.5 * single("length")? }
+        }
+        "capsule" => {
+            Solid::Capsule { radius: single("radius")?, half_length: 0.5 * single("length")? }
+        }
         "mesh" => {
             let scale = numbers::<3>(node, "scale")?.map_or(DVec3::ONE, DVec3::from_array);
             let triangles = mesh::read(attribute(node, "filename")?, scale, meshes);

@@ -54,13 +54,15 @@ fn change() -> impl Strategy<Value = Change> {
     prop_oneof![
         any_index().prop_map(Change::Cut),
         (any_index(), any_index()).prop_map(|(a, b)| Change::Remove(a, b)),
-        (any_index(), prop::sample::select(words.to_vec())).prop_map(|(at, word)| Change::Replace(at, word)),
+        (any_index(), prop::sample::select(words.to_vec()))
+            .prop_map(|(at, word)| Change::Replace(at, word)),
     ]
 }
 
 /// Changes whole words, so that many documents are still XML.
 fn changed(text: &str, changes: &[Change]) -> String {
-    let mut words: Vec<String> = text.split_inclusive(['"', ' ', '<', '>', '=']).map(str::to_owned).collect();
+    let mut words: Vec<String> =
+        text.split_inclusive(['"', ' ', '<', '>', '=']).map(str::to_owned).collect();
     for change in changes.iter().filter(|_| !text.is_empty()) {
         if words.is_empty() {
             break;
@@ -74,7 +76,12 @@ fn changed(text: &str, changes: &[Change]) -> String {
             }
             Change::Replace(at, word) => {
                 let at = at.index(words.len());
-                let ending: String = words[at].chars().last().filter(|last| "\" <>=".contains(*last)).into_iter().collect();
+                let ending: String = words[at]
+                    .chars()
+                    .last()
+                    .filter(|last| "\" <>=".contains(*last))
+                    .into_iter()
+                    .collect();
                 words[at] = format!("{word}{ending}");
             }
         }
@@ -83,19 +90,32 @@ fn changed(text: &str, changes: &[Change]) -> String {
 }
 
 /// With an arm, its poses are finite; without one, the message names a line, a link or a joint.
-fn check(urdf: &str, srdf: Option<&str>, tip: Option<&str>, mesh: &[u8]) -> Result<(), TestCaseError> {
+fn check(
+    urdf: &str,
+    srdf: Option<&str>,
+    tip: Option<&str>,
+    mesh: &[u8],
+) -> Result<(), TestCaseError> {
     match Chain::from_urdf(urdf, srdf, tip, &|_| Some(mesh.to_vec())) {
         Ok(chain) => {
             prop_assert!((1..=DOF).contains(&chain.dof()));
             let middle = chain.limits().map(|(lower, upper)| 0.5 * lower + 0.5 * upper);
             prop_assert!(chain.tip_f64(&crate::robot::JointConfig(middle)).is_finite());
             let spheres = || chain.links.iter().flat_map(|link| &link.spheres);
-            prop_assert!(spheres().all(|ball| ball.center.is_finite() && ball.radius > 0.0 && ball.radius.is_finite()));
-            prop_assert!(chain.allowed_self_collisions.iter().all(|&(a, b)| a < b && b < chain.links.len()));
+            prop_assert!(spheres().all(|ball| ball.center.is_finite()
+                && ball.radius > 0.0
+                && ball.radius.is_finite()));
+            prop_assert!(
+                chain.allowed_self_collisions.iter().all(|&(a, b)| a < b && b < chain.links.len())
+            );
         }
         Err(error) => {
             let message = error.to_string();
-            prop_assert!(message.starts_with("robot: ") && ["line ", "'"].iter().any(|it| message.contains(it)), "{message}");
+            prop_assert!(
+                message.starts_with("robot: ")
+                    && ["line ", "'"].iter().any(|it| message.contains(it)),
+                "{message}"
+            );
         }
     }
     Ok(())
@@ -145,7 +165,8 @@ fn documents_may_be_deep_long_and_full_of_elements() {
     let nested = format!("<robot>{}{}</robot>", "<a>".repeat(N), "</a>".repeat(N));
     let many = format!("<robot name='r'>{}</robot>", "<link name='a'/>".repeat(N));
     let long = format!("<robot name='{}'><link name='{}'/></robot>", "n".repeat(N), "m".repeat(N));
-    let entities = "<!DOCTYPE r [<!ENTITY a 'aaaaaaaa'><!ENTITY b '&a;&a;&a;&a;'>]><robot name='&b;'/>";
+    let entities =
+        "<!DOCTYPE r [<!ENTITY a 'aaaaaaaa'><!ENTITY b '&a;&a;&a;&a;'>]><robot name='&b;'/>";
     for text in [nested.as_str(), &many, &long, &snake(N), entities] {
         let error = Chain::from_urdf(text, None, None, &|_| None).expect_err("no arm").to_string();
         assert!(error.len() < 1000, "{} characters", error.len());
@@ -155,7 +176,10 @@ fn documents_may_be_deep_long_and_full_of_elements() {
 #[test]
 fn a_link_may_be_deep_in_the_tree_if_few_joints_move() {
     const N: usize = 100_000;
-    let fixed = snake(N).replacen("continuous", "revolving", 3).replace("continuous", "fixed").replace("revolving", "continuous");
+    let fixed = snake(N)
+        .replacen("continuous", "revolving", 3)
+        .replace("continuous", "fixed")
+        .replace("revolving", "continuous");
     let chain = Chain::from_urdf(&fixed, None, None, &|_| None).expect("three joints move");
     assert_eq!((chain.dof(), chain.links.len()), (3, N + 1));
 }
@@ -164,9 +188,13 @@ fn a_link_may_be_deep_in_the_tree_if_few_joints_move() {
 fn too_many_links_with_geometry_are_refused() {
     let ball = "<collision><geometry><sphere radius='1'/></geometry></collision>";
     let text = snake(3).replace("<link name='l3'/>", &format!("<link name='l3'>{ball}</link>"));
-    let joint = |i: usize| format!("<joint name='k{i}' type='fixed'><parent link='l3'/><child link='k{i}'/></joint>");
-    let leaves: String = (0..600).map(|i| format!("<link name='k{i}'>{ball}</link>{}", joint(i))).collect();
+    let joint = |i: usize| {
+        format!("<joint name='k{i}' type='fixed'><parent link='l3'/><child link='k{i}'/></joint>")
+    };
+    let leaves: String =
+        (0..600).map(|i| format!("<link name='k{i}'>{ball}</link>{}", joint(i))).collect();
     let text = text.replace("</robot>", &format!("{leaves}</robot>"));
-    let error = Chain::from_urdf(&text, None, Some("l3"), &|_| None).expect_err("601 links").to_string();
+    let error =
+        Chain::from_urdf(&text, None, Some("l3"), &|_| None).expect_err("601 links").to_string();
     assert!(error.contains("601 links have collision geometry, at most 500"), "{error}");
 }

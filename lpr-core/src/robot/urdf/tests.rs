@@ -99,7 +99,10 @@ fn links_are_where_the_documents_transforms_put_them() {
         let expected = world_from_hand(f64::from(first), f64::from(second));
         let hand = link(&chain, "hand");
         let found = bodies[hand.body] * hand.body_from_link;
-        assert!(found.translation.distance(expected.translation) < 1e-12, "{found:?} instead of {expected:?}");
+        assert!(
+            found.translation.distance(expected.translation) < 1e-12,
+            "{found:?} instead of {expected:?}"
+        );
         assert!(found.rotation.dot(expected.rotation).abs() > 1.0 - 1e-12);
         let tip = chain.tip_f64(&config(first, second));
         assert!(tip.translation.distance(expected * DVec3::new(0.1, 0.0, 0.0)) < 1e-12);
@@ -113,7 +116,10 @@ fn what_hangs_on_the_hand_stays_at_rest_within_its_limits() {
     for (name, y) in [("left", 0.01), ("right", -0.01)] {
         let finger = link(&chain, name);
         let hand_from_finger = hand.inverse() * finger.body_from_link;
-        assert!(hand_from_finger.translation.distance(DVec3::new(0.0, y, 0.0)) < 1e-9, "{name}: {hand_from_finger:?}");
+        assert!(
+            hand_from_finger.translation.distance(DVec3::new(0.0, y, 0.0)) < 1e-9,
+            "{name}: {hand_from_finger:?}"
+        );
         assert_eq!(finger.body, 2);
     }
 }
@@ -131,7 +137,11 @@ fn given_spheres_are_used_as_they_are_and_other_geometry_is_covered() {
     assert_eq!(last.radius, 0.07);
     assert!(last.center.as_dvec3().distance(body_from_upper * DVec3::new(0.0, 0.0, 0.4)) < 1e-7);
     assert!((body_from_upper * DVec3::Y).distance(DVec3::Z) < 1e-12);
-    assert!(upper.spheres.len() > 2 && upper.overshoot > 0.0 && upper.overshoot < 0.011, "{}", upper.overshoot);
+    assert!(
+        upper.spheres.len() > 2 && upper.overshoot > 0.0 && upper.overshoot < 0.011,
+        "{}",
+        upper.overshoot
+    );
     assert!(link(&chain, "hand").spheres.len() > 1);
 }
 
@@ -153,35 +163,50 @@ fn without_semantics_neighbouring_bodies_may_touch() {
 fn semantics_say_which_link_is_the_tip_and_which_pairs_are_allowed() {
     let chain = Chain::from_urdf(ARM, Some(SEMANTICS), None, &no_meshes).expect("a valid document");
     assert_eq!(chain.tip(&config(0.3, 0.4)), arm().tip(&config(0.3, 0.4)));
-    assert_eq!(allowed(&chain), [("base", "upper"), ("fore", "hand"), ("fore", "right"), ("hand", "right")]);
-    let other_tip = Chain::from_urdf(ARM, Some(SEMANTICS), Some("upper"), &no_meshes).expect("a valid document");
+    assert_eq!(
+        allowed(&chain),
+        [("base", "upper"), ("fore", "hand"), ("fore", "right"), ("hand", "right")]
+    );
+    let other_tip = Chain::from_urdf(ARM, Some(SEMANTICS), Some("upper"), &no_meshes)
+        .expect("a valid document");
     assert_eq!(other_tip.dof(), 1);
 }
 
 #[test]
 fn a_base_above_the_root_is_the_world() {
     let from_upper = SEMANTICS.replace("base_link=\"base\"", "base_link=\"upper\"");
-    let chain = Chain::from_urdf(ARM, Some(&from_upper), None, &no_meshes).expect("a valid document");
+    let chain =
+        Chain::from_urdf(ARM, Some(&from_upper), None, &no_meshes).expect("a valid document");
     assert_eq!((chain.dof(), chain.joints[0].name.as_str()), (1, "elbow"));
     assert_eq!(link(&chain, "upper").body_from_link, DPose3::IDENTITY);
     let base = link(&chain, "base");
-    assert!(base.body == 0 && base.body_from_link.translation.distance(DVec3::new(0.0, 0.0, -0.3)) < 1e-12);
+    assert!(
+        base.body == 0
+            && base.body_from_link.translation.distance(DVec3::new(0.0, 0.0, -0.3)) < 1e-12
+    );
     let expected = DVec3::new(0.0, 0.0, 0.4);
     assert!(chain.body_frames(&config(0.0, 0.0))[1].translation.distance(expected) < 1e-12);
 }
 
 #[test]
 fn the_only_leaf_of_the_longest_chain_is_the_tip() {
-    // A finger with a motor of its own belongs to the longest chain: such a document needs a tip or semantics.
-    let to_finger = Chain::from_urdf(ARM, None, None, &no_meshes).expect("one finger has the most motors above it");
+    // A finger with a motor of its own belongs to the longest chain: such a document needs a tip or
+    // semantics.
+    let to_finger = Chain::from_urdf(ARM, None, None, &no_meshes)
+        .expect("one finger has the most motors above it");
     assert_eq!(to_finger.joints[2].name, "grasp");
-    let without_fingers = ARM
-        .replace("type=\"prismatic\"", "type=\"fixed\"")
-        .replace("<joint name=\"flange\" type=\"fixed\">", "<joint name=\"flange\" type=\"continuous\">");
-    let chain = Chain::from_urdf(&without_fingers, None, None, &no_meshes).expect("the tool is the one tip");
+    let without_fingers = ARM.replace("type=\"prismatic\"", "type=\"fixed\"").replace(
+        "<joint name=\"flange\" type=\"fixed\">",
+        "<joint name=\"flange\" type=\"continuous\">",
+    );
+    let chain = Chain::from_urdf(&without_fingers, None, None, &no_meshes)
+        .expect("the tool is the one tip");
     assert_eq!((chain.dof(), chain.joints[2].name.as_str()), (3, "flange"));
     let ambiguous = message(&ARM.replace("type=\"prismatic\"", "type=\"fixed\""));
-    assert!(["left", "right", "tool", "Candidates"].iter().all(|name| ambiguous.contains(name)), "{ambiguous}");
+    assert!(
+        ["left", "right", "tool", "Candidates"].iter().all(|name| ambiguous.contains(name)),
+        "{ambiguous}"
+    );
 }
 
 #[test]
@@ -193,31 +218,49 @@ fn an_axis_is_x_where_none_is_stated_and_any_direction_where_one_is() {
         ("<axis xyz='0 0 5'/>", DVec3::Z),
     ] {
         let text = ARM.replace("<axis xyz=\"0 0 -1\"/>", stated);
-        let chain = Chain::from_urdf(&text, None, Some("fore"), &no_meshes).expect("a valid document");
-        let [before, after] = [0.0, FRAC_PI_2 as f32].map(|q| chain.tip_f64(&config(0.0, q)).rotation);
+        let chain =
+            Chain::from_urdf(&text, None, Some("fore"), &no_meshes).expect("a valid document");
+        let [before, after] =
+            [0.0, FRAC_PI_2 as f32].map(|q| chain.tip_f64(&config(0.0, q)).rotation);
         let turn = after * before.inverse();
         let expected = DQuat::from_axis_angle(axis, FRAC_PI_2);
-        assert!(turn.dot(expected).abs() > 1.0 - 1e-12, "{stated}: {turn:?} instead of {expected:?}");
+        assert!(
+            turn.dot(expected).abs() > 1.0 - 1e-12,
+            "{stated}: {turn:?} instead of {expected:?}"
+        );
     }
 }
 
 #[test]
 fn meshes_are_asked_for_by_the_name_in_the_document() {
-    let text =
-        ARM.replace("<box size=\"0.02 0.1 0.03\"/>", "<mesh filename=\"package://two/hand.OBJ\" scale=\"0.001 0.001 0.001\"/>");
-    let reader = |file: &str| (file == "package://two/hand.OBJ").then(|| b"v 0 0 0\nv 100 0 0\nv 0 100 0\nf 1 2 3\n".to_vec());
+    let text = ARM.replace(
+        "<box size=\"0.02 0.1 0.03\"/>",
+        "<mesh filename=\"package://two/hand.OBJ\" scale=\"0.001 0.001 0.001\"/>",
+    );
+    let reader = |file: &str| {
+        (file == "package://two/hand.OBJ")
+            .then(|| b"v 0 0 0\nv 100 0 0\nv 0 100 0\nf 1 2 3\n".to_vec())
+    };
     let chain = Chain::from_urdf(&text, None, Some("tool"), &reader).expect("the mesh is there");
     let hand = link(&chain, "hand");
-    assert!(hand.spheres.iter().all(|ball| (hand.body_from_link.inverse() * ball.center.as_dvec3()).length() < 0.15));
+    assert!(
+        hand.spheres
+            .iter()
+            .all(|ball| (hand.body_from_link.inverse() * ball.center.as_dvec3()).length() < 0.15)
+    );
     let error = message(&text);
     assert!(
-        error.contains("link 'hand'") && error.contains("<mesh> on line") && error.contains("package://two/hand.OBJ"),
+        error.contains("link 'hand'")
+            && error.contains("<mesh> on line")
+            && error.contains("package://two/hand.OBJ"),
         "{error}"
     );
 }
 
 fn message(urdf: &str) -> String {
-    Chain::from_urdf(urdf, None, None, &no_meshes).expect_err("a document with a mistake").to_string()
+    Chain::from_urdf(urdf, None, None, &no_meshes)
+        .expect_err("a document with a mistake")
+        .to_string()
 }
 
 /// Fails unless `ARM` with that change is an error that contains all of `expected`.
@@ -230,18 +273,38 @@ fn check(from: &str, to: &str, expected: &[&str]) {
 
 #[test]
 fn mistakes_in_numbers_name_element_line_and_attribute() {
-    check("xyz=\"0 0 0.3\"", "xyz=\"0 0\"", &["joint 'shoulder'", "<origin> on line 20", "'xyz' needs 3 numbers, not '0 0'"]);
+    check(
+        "xyz=\"0 0 0.3\"",
+        "xyz=\"0 0\"",
+        &["joint 'shoulder'", "<origin> on line 20", "'xyz' needs 3 numbers, not '0 0'"],
+    );
     check("xyz=\"0 0 0.3\"", "xyz=\"0 0 0 0.3\"", &["joint 'shoulder'", "needs 3 numbers"]);
     check("rpy=\"0 0 0\"", "rpy=\"0 NaN 0\"", &["joint 'shoulder'", "'rpy' is not finite"]);
     check("rpy=\"0 0 0\"", "rpy=\"0 0 1e400\"", &["'rpy' is not finite"]);
-    check("xyz=\"0 0 0.3\"", "xyz=\"0 0 ${height}\"", &["'xyz' is not made of numbers", "${height}"]);
+    check(
+        "xyz=\"0 0 0.3\"",
+        "xyz=\"0 0 ${height}\"",
+        &["'xyz' is not made of numbers", "${height}"],
+    );
     check("xyz=\"0 0 0.3\"", "xyz=\"0 0 300000\"", &["'xyz' is more than 1000 m"]);
-    check("xyz=\"0 2 0\"", "xyz=\"0 0 0\"", &["joint 'shoulder'", "<axis> on line 21", "other than 0 0 0"]);
+    check(
+        "xyz=\"0 2 0\"",
+        "xyz=\"0 0 0\"",
+        &["joint 'shoulder'", "<axis> on line 21", "other than 0 0 0"],
+    );
     check("xyz=\"0 2 0\"", "", &["joint 'shoulder'", "<axis>", "'xyz' is missing"]);
-    check("radius=\"0.1\"", "radius=\"-0.1\"", &["link 'base'", "<sphere> on line 6", "'radius' must be positive: '-0.1'"]);
+    check(
+        "radius=\"0.1\"",
+        "radius=\"-0.1\"",
+        &["link 'base'", "<sphere> on line 6", "'radius' must be positive: '-0.1'"],
+    );
     check("radius=\"0.1\"", "radius=\"0\"", &["'radius' must be positive"]);
     check("radius=\"0.1\"", "", &["link 'base'", "'radius' is missing"]);
-    check("size=\"0.02 0.1 0.03\"", "size=\"0.02 0.1\"", &["link 'hand'", "<box>", "'size' needs 3 numbers"]);
+    check(
+        "size=\"0.02 0.1 0.03\"",
+        "size=\"0.02 0.1\"",
+        &["link 'hand'", "<box>", "'size' needs 3 numbers"],
+    );
     check("velocity=\"3\"", "velocity=\"0\"", &["joint 'shoulder'", "'velocity' must be positive"]);
     check("velocity=\"3\"", "", &["joint 'shoulder'", "'velocity' is missing"]);
     check(
@@ -249,25 +312,49 @@ fn mistakes_in_numbers_name_element_line_and_attribute() {
         "lower=\"2\" upper=\"1\"",
         &["joint 'shoulder'", "<limit>", "'lower' 2 is above 'upper' 1"],
     );
-    check("lower=\"-1.5\" upper=\"2\"", "", &["joint 'shoulder'", "'lower' and 'upper' are missing"]);
-    check("<limit lower=\"-1.5\" upper=\"2\" effort=\"1\" velocity=\"3\"/>", "", &["joint 'shoulder'", "<limit> is missing"]);
+    check(
+        "lower=\"-1.5\" upper=\"2\"",
+        "",
+        &["joint 'shoulder'", "'lower' and 'upper' are missing"],
+    );
+    check(
+        "<limit lower=\"-1.5\" upper=\"2\" effort=\"1\" velocity=\"3\"/>",
+        "",
+        &["joint 'shoulder'", "<limit> is missing"],
+    );
 }
 
 #[test]
 fn mistakes_in_structure_name_links_and_joints() {
-    check("<child link=\"fore\"/>", "<child link=\"four\"/>", &["joint 'elbow'", "<child>", "no link 'four'"]);
+    check(
+        "<child link=\"fore\"/>",
+        "<child link=\"four\"/>",
+        &["joint 'elbow'", "<child>", "no link 'four'"],
+    );
     check("<child link=\"fore\"/>", "", &["joint 'elbow'", "<child> is missing"]);
     check(
         "<child link=\"fore\"/>",
         "<child link=\"upper\"/>",
         &["link 'upper' is the child of two joints, 'shoulder' and 'elbow'"],
     );
-    check("<link name=\"fore\">", "<link name=\"upper\">", &["link 'upper'", "a second link of that name"]);
-    check("<joint name=\"elbow\"", "<joint name=\"shoulder\"", &["joint 'shoulder'", "a second joint of that name"]);
+    check(
+        "<link name=\"fore\">",
+        "<link name=\"upper\">",
+        &["link 'upper'", "a second link of that name"],
+    );
+    check(
+        "<joint name=\"elbow\"",
+        "<joint name=\"shoulder\"",
+        &["joint 'shoulder'", "a second joint of that name"],
+    );
     check("<link name=\"fore\">", "<link>", &["<link> on line 12", "'name' is missing"]);
     check("type=\"continuous\"", "type=\"ball\"", &["joint 'elbow'", "unknown type 'ball'"]);
     check("type=\"continuous\"", "", &["joint 'elbow'", "'type' is missing"]);
-    check("<sphere radius=\"0.1\"/>", "<cone radius=\"0.1\"/>", &["link 'base'", "<cone> on line 6", "unknown geometry 'cone'"]);
+    check(
+        "<sphere radius=\"0.1\"/>",
+        "<cone radius=\"0.1\"/>",
+        &["link 'base'", "<cone> on line 6", "unknown geometry 'cone'"],
+    );
     check("<sphere radius=\"0.1\"/>", "", &["link 'base'", "<geometry> on line 6", "it is empty"]);
     check("<material name=\"grey\"/>", "<xacro:arm prefix=\"a\"/>", &["<arm> on line 3", "xacro"]);
     check("</robot>", "", &["URDF, line"]);
@@ -281,39 +368,70 @@ fn mistakes_in_structure_name_links_and_joints() {
 #[test]
 fn loops_and_several_roots_are_named() {
     let joint = |i: usize, parent: &str, child: &str| {
-        format!("<joint name='j{i}' type='fixed'><parent link='{parent}'/><child link='{child}'/></joint>")
+        format!(
+            "<joint name='j{i}' type='fixed'><parent link='{parent}'/><child link='{child}'/></joint>"
+        )
     };
-    let robot =
-        |joints: &str| message(&format!("<robot name='r'><link name='a'/><link name='b'/><link name='c'/>{joints}</robot>"));
-    let error = robot(&format!("{}{}{}", joint(0, "a", "b"), joint(1, "b", "c"), joint(2, "c", "a")));
+    let robot = |joints: &str| {
+        message(&format!(
+            "<robot name='r'><link name='a'/><link name='b'/><link name='c'/>{joints}</robot>"
+        ))
+    };
+    let error =
+        robot(&format!("{}{}{}", joint(0, "a", "b"), joint(1, "b", "c"), joint(2, "c", "a")));
     assert!(error.contains("hangs on itself: a loop"), "{error}");
     let error = robot(&format!("{}{}", joint(0, "b", "c"), joint(1, "c", "b")));
-    assert!(error.contains("link 'b' hangs on itself") || error.contains("link 'c' hangs on itself"), "{error}");
-    assert!(robot(&joint(0, "b", "b")).contains("more than one link hangs on none"), "{}", robot(&joint(0, "b", "b")));
+    assert!(
+        error.contains("link 'b' hangs on itself") || error.contains("link 'c' hangs on itself"),
+        "{error}"
+    );
+    assert!(
+        robot(&joint(0, "b", "b")).contains("more than one link hangs on none"),
+        "{}",
+        robot(&joint(0, "b", "b"))
+    );
     let error = robot(&joint(0, "a", "b"));
     assert!(error.contains("more than one link hangs on none: 'a', 'c'"), "{error}");
 }
 
 #[test]
 fn a_tip_that_cannot_be_reached_by_seven_joints_or_fewer_is_refused() {
-    let tip =
-        |text: &str, srdf: Option<&str>, tip| Chain::from_urdf(text, srdf, tip, &no_meshes).expect_err("no arm").to_string();
+    let tip = |text: &str, srdf: Option<&str>, tip| {
+        Chain::from_urdf(text, srdf, tip, &no_meshes).expect_err("no arm").to_string()
+    };
     assert!(tip(ARM, None, Some("nose")).contains("the tip 'nose' is no link"));
-    assert!(tip(ARM, None, Some("base")).contains("no joint moves between the base and the tip 'base'"));
-    assert!(tip(ARM, None, Some("right")).contains("joint 'follow' stands between base and tip, but mimics"));
+    assert!(
+        tip(ARM, None, Some("base")).contains("no joint moves between the base and the tip 'base'")
+    );
+    assert!(
+        tip(ARM, None, Some("right"))
+            .contains("joint 'follow' stands between base and tip, but mimics")
+    );
     let floating = ARM.replace("type=\"continuous\"", "type=\"floating\"");
-    assert!(tip(&floating, None, Some("tool")).contains("joint 'elbow' stands between base and tip, but moves in more"));
+    assert!(
+        tip(&floating, None, Some("tool"))
+            .contains("joint 'elbow' stands between base and tip, but moves in more")
+    );
     let upside_down = SEMANTICS.replace("base_link=\"base\"", "base_link=\"left\"");
-    assert!(tip(ARM, Some(&upside_down), None).contains("link 'tool' does not hang on link 'left'"));
-    assert!(tip(&snake(8), None, None).contains("8 joints move between the base and the tip 'l8', at most 7"));
+    assert!(
+        tip(ARM, Some(&upside_down), None).contains("link 'tool' does not hang on link 'left'")
+    );
+    assert!(
+        tip(&snake(8), None, None)
+            .contains("8 joints move between the base and the tip 'l8', at most 7")
+    );
     assert_eq!(Chain::from_urdf(&snake(7), None, None, &no_meshes).expect("seven joints").dof(), 7);
 }
 
 /// A chain of so many joints.
 pub(super) fn snake(n: usize) -> String {
     let links: String = (0..=n).map(|i| format!("<link name='l{i}'/>")).collect();
-    let joint =
-        |i: usize| format!("<joint name='j{i}' type='continuous'><parent link='l{i}'/><child link='l{}'/></joint>", i + 1);
+    let joint = |i: usize| {
+        format!(
+            "<joint name='j{i}' type='continuous'><parent link='l{i}'/><child link='l{}'/></joint>",
+            i + 1
+        )
+    };
     format!("<robot name='snake'>{links}{}</robot>", (0..n).map(joint).collect::<String>())
 }
 
@@ -324,10 +442,15 @@ fn unknown_links_in_semantics_are_named() {
         ("tip_link=\"tool\"", "tip_link=\"palm\""),
         ("link2=\"base\"", "link2=\"palm\""),
     ] {
-        let error =
-            Chain::from_urdf(ARM, Some(&SEMANTICS.replace(from, to)), None, &no_meshes).expect_err("no such link").to_string();
-        assert!(error.contains("SRDF: the URDF has no link 'palm'") && error.contains("on line"), "{error}");
+        let error = Chain::from_urdf(ARM, Some(&SEMANTICS.replace(from, to)), None, &no_meshes)
+            .expect_err("no such link")
+            .to_string();
+        assert!(
+            error.contains("SRDF: the URDF has no link 'palm'") && error.contains("on line"),
+            "{error}"
+        );
     }
-    let error = Chain::from_urdf(ARM, Some("<robot"), None, &no_meshes).expect_err("not XML").to_string();
+    let error =
+        Chain::from_urdf(ARM, Some("<robot"), None, &no_meshes).expect_err("not XML").to_string();
     assert!(error.contains("SRDF, line 1"), "{error}");
 }

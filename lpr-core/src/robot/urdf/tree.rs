@@ -1,4 +1,5 @@
-//! How links hang together: one root, one parent each, no loop. Nothing recurses, so that depth is no matter.
+//! How links hang together: one root, one parent each, no loop. Nothing recurses, so that depth is
+//! no matter.
 
 use super::description::{Description, Mobility};
 use crate::error::{Error, Result};
@@ -20,11 +21,17 @@ pub(super) struct Tree {
 impl Tree {
     pub(super) fn new(description: &Description) -> Result<Self> {
         let joint_above = joints_above(description)?;
-        let roots: Vec<usize> = (0..joint_above.len()).filter(|&link| joint_above[link].is_none()).collect();
+        let roots: Vec<usize> =
+            (0..joint_above.len()).filter(|&link| joint_above[link].is_none()).collect();
         let root = match roots[..] {
             [] => return Err(in_loop(description, &joint_above, 0)),
             [root] => root,
-            _ => return Err(Error::Robot(format!("more than one link hangs on none: {}", listed(description, &roots)))),
+            _ => {
+                return Err(Error::Robot(format!(
+                    "more than one link hangs on none: {}",
+                    listed(description, &roots)
+                )));
+            }
         };
         let order = below(description, root);
         let mut is_below = vec![false; joint_above.len()];
@@ -36,13 +43,22 @@ impl Tree {
     }
 
     /// Indices of the joints from `base` to `tip`, in that order.
-    pub(super) fn path(&self, description: &Description, base: usize, tip: usize) -> Result<Vec<usize>> {
+    pub(super) fn path(
+        &self,
+        description: &Description,
+        base: usize,
+        tip: usize,
+    ) -> Result<Vec<usize>> {
         let mut joints = Vec::new();
         let mut link = tip;
         while link != base {
             let Some(joint) = self.joint_above[link] else {
                 let name = |link: usize| quoted(&description.links[link].name);
-                return Err(Error::Robot(format!("link {} does not hang on link {}", name(tip), name(base))));
+                return Err(Error::Robot(format!(
+                    "link {} does not hang on link {}",
+                    name(tip),
+                    name(base)
+                )));
             };
             joints.push(joint);
             link = description.joints[joint].parent;
@@ -57,15 +73,20 @@ impl Tree {
         let mut is_leaf = vec![true; self.order.len()];
         for &link in &self.order {
             if let Some(joint) = self.joint_above[link].map(|joint| &description.joints[joint]) {
-                n_driven[link] = n_driven[joint.parent] + usize::from(matches!(joint.mobility, Mobility::Driven(_)));
+                n_driven[link] = n_driven[joint.parent]
+                    + usize::from(matches!(joint.mobility, Mobility::Driven(_)));
                 is_leaf[joint.parent] = false;
             }
         }
         let most = n_driven.iter().copied().max().unwrap_or(0);
-        let tips: Vec<usize> = (0..n_driven.len()).filter(|&link| is_leaf[link] && n_driven[link] == most).collect();
+        let tips: Vec<usize> =
+            (0..n_driven.len()).filter(|&link| is_leaf[link] && n_driven[link] == most).collect();
         match tips[..] {
             [tip] => Ok(tip),
-            _ => Err(Error::Robot(format!("which link is the tip? Candidates: {}", listed(description, &tips)))),
+            _ => Err(Error::Robot(format!(
+                "which link is the tip? Candidates: {}",
+                listed(description, &tips)
+            ))),
         }
     }
 }
@@ -76,7 +97,10 @@ fn joints_above(description: &Description) -> Result<Vec<Option<usize>>> {
         if let Some(other) = above[joint.child].replace(i) {
             let names = [other, i].map(|joint: usize| quoted(&description.joints[joint].name));
             let child = quoted(&description.links[joint.child].name);
-            return Err(Error::Robot(format!("link {child} is the child of two joints, {} and {}: a loop", names[0], names[1])));
+            return Err(Error::Robot(format!(
+                "link {child} is the child of two joints, {} and {}: a loop",
+                names[0], names[1]
+            )));
         }
     }
     Ok(above)
@@ -95,16 +119,19 @@ fn below(description: &Description, root: usize) -> Vec<usize> {
     order
 }
 
-/// Upwards from a link that no root carries: after as many steps as there are links, the way is within the loop.
+/// Upwards from a link that no root carries: after as many steps as there are links, the way is
+/// within the loop.
 fn in_loop(description: &Description, joint_above: &[Option<usize>], from: usize) -> Error {
-    let above = |link: usize| joint_above[link].map_or(link, |joint| description.joints[joint].parent);
+    let above =
+        |link: usize| joint_above[link].map_or(link, |joint| description.joints[joint].parent);
     let link = (0..joint_above.len()).fold(from, |link, _| above(link));
     Error::Robot(format!("link {} hangs on itself: a loop", quoted(&description.links[link].name)))
 }
 
 /// Names of links, the first few of them.
 fn listed(description: &Description, links: &[usize]) -> String {
-    let names: Vec<String> = links.iter().take(MAX_LISTED).map(|&link| quoted(&description.links[link].name)).collect();
+    let names: Vec<String> =
+        links.iter().take(MAX_LISTED).map(|&link| quoted(&description.links[link].name)).collect();
     let more = links.len().saturating_sub(MAX_LISTED);
     if more > 0 { format!("{} and {more} more", names.join(", ")) } else { names.join(", ") }
 }

@@ -12,23 +12,40 @@ fn environment(task: &'static Task, robot: &'static Robot, seed: u64) -> SimEnvi
 }
 
 fn assert_finite(world: &World) {
-    let numbers = world.scene_items().flat_map(|(_, pose, _)| [pose.translation.length(), pose.rotation.length()]);
+    let numbers = world
+        .scene_items()
+        .flat_map(|(_, pose, _)| [pose.translation.length(), pose.rotation.length()]);
     assert!(numbers.chain([world.gripper_width()]).all(f32::is_finite), "{world:?}");
     assert!(world.config().is_finite(), "{world:?}");
 }
 
 fn assert_observation_is_finite(env: &mut SimEnvironment) {
     let observation = env.observe();
-    assert!(observation.proprio.low_dim().iter().all(|value| value.is_finite()), "{:?}", observation.proprio);
+    assert!(
+        observation.proprio.low_dim().iter().all(|value| value.is_finite()),
+        "{:?}",
+        observation.proprio
+    );
     for view in &observation.views {
-        assert!(view.depth.iter().all(|depth| !depth.is_nan()) && view.points.iter().all(|point| !point.is_nan()));
+        assert!(
+            view.depth.iter().all(|depth| !depth.is_nan())
+                && view.points.iter().all(|point| !point.is_nan())
+        );
     }
 }
 
 /// A value that no one would ask a joint for, or an ordinary one.
 fn odd_angle(rng: &mut Rng) -> f32 {
-    const ODD: [f32; 8] =
-        [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN_POSITIVE, -0.0, 1e-40, core::f32::consts::TAU];
+    const ODD: [f32; 8] = [
+        f32::NAN,
+        f32::INFINITY,
+        f32::NEG_INFINITY,
+        f32::MAX,
+        f32::MIN_POSITIVE,
+        -0.0,
+        1e-40,
+        core::f32::consts::TAU,
+    ];
     match rng.random_range(0..3) {
         0 => ODD[rng.random_range(0..ODD.len())],
         1 => f32::from_bits(rng.random()),
@@ -36,9 +53,14 @@ fn odd_angle(rng: &mut Rng) -> f32 {
     }
 }
 
-/// Mostly motions that the arm can make towards `heading` (shares of the velocity limits), so that it gets somewhere; sometimes to
-/// a limit, sometimes nonsense.
-fn fuzzed(robot: &Robot, config: &JointConfig, heading: &[f32; DOF], rng: &mut Rng) -> ControlAction {
+/// Mostly motions that the arm can make towards `heading` (shares of the velocity limits), so that
+/// it gets somewhere; sometimes to a limit, sometimes nonsense.
+fn fuzzed(
+    robot: &Robot,
+    config: &JointConfig,
+    heading: &[f32; DOF],
+    rng: &mut Rng,
+) -> ControlAction {
     let mut target = *config;
     let kind = rng.random_range(0..20);
     for (j, joint) in robot.joints.iter().enumerate() {
@@ -77,7 +99,11 @@ fn fuzz(task: &'static Task, robot: &'static Robot, n_steps: usize) -> Tally {
         match result.invalid {
             None => tally.valid += 1,
             Some(InvalidAction::OutsideLimits | InvalidAction::JointSpeed { .. }) => {
-                assert_eq!(env.world().hash(), before, "{action:?} was refused and changed the world");
+                assert_eq!(
+                    env.world().hash(),
+                    before,
+                    "{action:?} was refused and changed the world"
+                );
                 tally.refused += 1;
             }
             Some(_) => tally.ended += 1,
@@ -85,7 +111,10 @@ fn fuzz(task: &'static Task, robot: &'static Robot, n_steps: usize) -> Tally {
         if step % 100 == 0 {
             assert_observation_is_finite(&mut env);
         }
-        if !matches!(result.invalid, None | Some(InvalidAction::OutsideLimits | InvalidAction::JointSpeed { .. })) {
+        if !matches!(
+            result.invalid,
+            None | Some(InvalidAction::OutsideLimits | InvalidAction::JointSpeed { .. })
+        ) {
             env = start.clone();
         }
     }
@@ -101,7 +130,10 @@ fn fuzz_tasks(robot: &'static Robot) {
         sum.refused += tally.refused;
         sum.ended += tally.ended;
     }
-    assert!(sum.valid > 25_000 && sum.refused > 1000 && sum.ended > 50, "the fuzz is lopsided: {sum:?}");
+    assert!(
+        sum.valid > 25_000 && sum.refused > 1000 && sum.ended > 50,
+        "the fuzz is lopsided: {sum:?}"
+    );
 }
 
 #[test]
@@ -121,11 +153,16 @@ fn a_target_is_reached_exactly_and_limits_are_kept_to_the_bit() {
     target[3] += PANDA.joints[3].max_velocity * 0.05;
     assert_eq!(env.control_step(&ControlAction { target, gripper: Gripper::Open }).invalid, None);
     assert_eq!(*env.world().config(), target);
-    for (value, expected) in [(f32::NAN, "outside_limits"), (f32::INFINITY, "outside_limits"), (1.0, "joint_speed")] {
+    for (value, expected) in
+        [(f32::NAN, "outside_limits"), (f32::INFINITY, "outside_limits"), (1.0, "joint_speed")]
+    {
         let mut target = target;
         target[6] = value;
         let refused = env.control_step(&ControlAction { target, gripper: Gripper::Open });
-        assert_eq!((refused.invalid.map(|it| it.name()), refused.terminated), (Some(expected), true));
+        assert_eq!(
+            (refused.invalid.map(|it| it.name()), refused.terminated),
+            (Some(expected), true)
+        );
     }
 }
 
@@ -136,14 +173,19 @@ fn a_lid_is_lifted_by_control_steps_alone() {
     let demo = demonstrate(&mut env, &mut stream(1, Stream::Demo, 0));
     let closes_at = demo.waypoint_frames[1] - 1;
     let mut env = start;
-    let mut do_step = |target: &JointConfig, gripper| env.control_step(&ControlAction { target: *target, gripper });
+    let mut do_step = |target: &JointConfig, gripper| {
+        env.control_step(&ControlAction { target: *target, gripper })
+    };
     for frame in &demo.frames[..closes_at] {
         assert_eq!(do_step(frame.config(), Gripper::Open).invalid, None);
     }
     for _ in 0..40 {
         assert_eq!(do_step(demo.frames[closes_at].config(), Gripper::Close).invalid, None);
     }
-    let rewards: f32 = demo.frames[closes_at..].iter().map(|frame| do_step(frame.config(), Gripper::Close).reward).sum();
+    let rewards: f32 = demo.frames[closes_at..]
+        .iter()
+        .map(|frame| do_step(frame.config(), Gripper::Close).reward)
+        .sum();
     assert!(rewards > 0.0, "{:?}", env.world().holding());
     assert!(matches!(env.world().holding(), Holding::Attached { .. }));
 }
@@ -191,7 +233,8 @@ fn a_path_that_is_not_a_number_cannot_be_made() {
 fn what_falls_off_the_table_comes_to_rest_below_it() {
     let task = Task::by_name("pick_and_lift").unwrap();
     let mut env = environment(task, &XARM7, 0);
-    let body = env.world().spec().bodies.iter().position(|body| body.kind == BodyKind::Graspable).unwrap();
+    let body =
+        env.world().spec().bodies.iter().position(|body| body.kind == BodyKind::Graspable).unwrap();
     env.world.throw(body, [6.0, 0.0, 1.0].into());
     let action = ControlAction { target: *env.world().config(), gripper: Gripper::Open };
     for _ in 0..400 {

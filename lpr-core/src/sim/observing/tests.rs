@@ -11,7 +11,8 @@ use crate::sim::{Randomization, SimParams};
 use glamx::Vec3;
 
 const ALL: [Channel; 4] = [Channel::Rgb, Channel::Depth, Channel::Cloud, Channel::Mask];
-const NOISY: Sensing = Sensing { noise: DepthNoise::STRUCTURED_LIGHT, randomization: Randomization::MODERATE };
+const NOISY: Sensing =
+    Sensing { noise: DepthNoise::STRUCTURED_LIGHT, randomization: Randomization::MODERATE };
 
 fn environment(task: &str) -> SimEnvironment {
     let task = Task::by_name(task).expect("a task");
@@ -31,7 +32,12 @@ fn assert_same(observation: &Observation, captures: &[Capture]) {
     assert_eq!(observation.views.len(), captures.len());
     for (View { camera, rgb, depth, points }, capture) in observation.views.iter().zip(captures) {
         assert_eq!(capture.camera, *camera);
-        assert_eq!((&capture.rgb, &capture.depth), (&Some(rgb.clone()), &Some(depth.clone())), "{}", camera.name);
+        assert_eq!(
+            (&capture.rgb, &capture.depth),
+            (&Some(rgb.clone()), &Some(depth.clone())),
+            "{}",
+            camera.name
+        );
         assert_eq!(capture.points, Some(points.clone()), "{}", camera.name);
     }
 }
@@ -63,7 +69,9 @@ fn nothing_is_made_that_is_not_asked_for() {
     }
     assert_eq!(env.frames(&[]), Ok(Vec::new()));
     let none = &env.frames(&[request("front", [8, 8], &[])]).expect("a camera")[0];
-    assert!(none.rgb.is_none() && none.depth.is_none() && none.points.is_none() && none.mask.is_none());
+    assert!(
+        none.rgb.is_none() && none.depth.is_none() && none.points.is_none() && none.mask.is_none()
+    );
 }
 
 #[test]
@@ -80,7 +88,10 @@ fn images_have_any_size() {
 
 #[test]
 fn an_unknown_camera_is_an_error_that_names_the_known_ones() {
-    let error = environment("reach_target").frames(&[request("rear", [8, 8], &ALL)]).expect_err("no such camera").to_string();
+    let error = environment("reach_target")
+        .frames(&[request("rear", [8, 8], &ALL)])
+        .expect_err("no such camera")
+        .to_string();
     assert!(error.contains("'rear'") && error.contains("overhead"), "{error}");
 }
 
@@ -98,7 +109,8 @@ fn every_pixel_of_a_body_lies_on_that_body() {
     for task in ["stack_wine", "open_drawer", "take_lid_off_saucepan"] {
         let mut env = environment(task);
         for capture in everything(&mut env) {
-            let (points, mask) = (capture.points.expect("asked for"), capture.mask.expect("asked for"));
+            let (points, mask) =
+                (capture.points.expect("asked for"), capture.mask.expect("asked for"));
             let robot = env.world().robot_items();
             for (point, value) in points.into_iter().zip(mask) {
                 let bodies = &env.world().spec().bodies;
@@ -107,7 +119,8 @@ fn every_pixel_of_a_body_lies_on_that_body() {
                     Seen::Body { body, name } => {
                         assert_eq!(bodies[body].name, name);
                         // Meshes of round shapes lie a little inside.
-                        let distance = distance(&bodies[body].parts, env.world().body_pose(body), point);
+                        let distance =
+                            distance(&bodies[body].parts, env.world().body_pose(body), point);
                         assert!(distance < 1e-3, "{task}: {distance} m from {name}");
                     }
                     Seen::Robot { part } => {
@@ -127,7 +140,10 @@ fn values_of_a_mask_have_names_and_others_have_none() {
     let world = env.world();
     let n_bodies = world.spec().bodies.len() as u16;
     assert_eq!(world.seen_in_mask(NO_ITEM), Some(Seen::Nothing));
-    assert_eq!(world.seen_in_mask(n_bodies), Some(Seen::Body { body: usize::from(n_bodies) - 1, name: "table" }));
+    assert_eq!(
+        world.seen_in_mask(n_bodies),
+        Some(Seen::Body { body: usize::from(n_bodies) - 1, name: "table" })
+    );
     assert_eq!(world.seen_in_mask(n_bodies + 1), Some(Seen::Robot { part: "base" }));
     let n_frames = world.robot_items().len() as u16;
     assert_eq!(world.seen_in_mask(n_bodies + n_frames), Some(Seen::Robot { part: "finger" }));
@@ -186,7 +202,8 @@ fn a_reset_keeps_the_settings_and_takes_the_seed_of_the_scene() {
 fn a_noisy_cloud_is_the_noisy_depth_seen_from_where_the_camera_stands() {
     for robot in [&XARM7, &PANDA] {
         let task = Task::by_name("stack_wine").expect("a task");
-        let mut env = SimEnvironment::new(task, robot, 3, &["front"], &SimParams::STANDARD).expect("a scene");
+        let mut env =
+            SimEnvironment::new(task, robot, 3, &["front"], &SimParams::STANDARD).expect("a scene");
         let still = env.observe().views[0].camera.clone();
         env.set_sensing(NOISY, 6);
         let View { camera, depth, points, .. } = env.observe().views.remove(0);
@@ -196,7 +213,10 @@ fn a_noisy_cloud_is_the_noisy_depth_seen_from_where_the_camera_stands() {
             if let Some((image, z)) = camera.project(point).filter(|_| depth.is_finite()) {
                 assert!((z - depth).abs() < 1e-5, "pixel {idx}: {z} for {depth}");
                 let center = [(idx % camera.width) as f32 + 0.5, (idx / camera.width) as f32 + 0.5];
-                assert!((image.to_array()[0] - center[0]).abs() < 1e-2 && (image.to_array()[1] - center[1]).abs() < 1e-2);
+                assert!(
+                    (image.to_array()[0] - center[0]).abs() < 1e-2
+                        && (image.to_array()[1] - center[1]).abs() < 1e-2
+                );
             }
         }
     }

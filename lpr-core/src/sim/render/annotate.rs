@@ -30,15 +30,19 @@ struct Piece {
 }
 
 impl Picture {
-    /// Draws the line through `points` (in the world) as `camera` sees it: the camera that the picture was made with.
+    /// Draws the line through `points` (in the world) as `camera` sees it: the camera that the
+    /// picture was made with.
     pub fn draw_polyline(&mut self, camera: &Camera, points: &[Vec3], stroke: &Stroke) {
-        let pieces: Vec<_> = points.windows(2).filter_map(|ends| Piece::new(camera, ends[0], ends[1])).collect();
+        let pieces: Vec<_> =
+            points.windows(2).filter_map(|ends| Piece::new(camera, ends[0], ends[1])).collect();
         let Some([low, high]) = self.covered(&pieces, 0.5 * stroke.width + 1.0) else { return };
         // Opacity per pixel first: pieces that overlap at a corner must not darken it twice.
         let width = high[0] - low[0];
         let mut opacity = vec![0.0_f32; width * (high[1] - low[1])];
         for piece in &pieces {
-            let Some([start, end]) = self.covered(&[*piece], 0.5 * stroke.width + 1.0) else { continue };
+            let Some([start, end]) = self.covered(&[*piece], 0.5 * stroke.width + 1.0) else {
+                continue;
+            };
             for y in start[1]..end[1] {
                 for x in start[0]..end[0] {
                     let pixel = &mut opacity[(y - low[1]) * width + x - low[0]];
@@ -51,13 +55,16 @@ impl Picture {
         }
     }
 
-    /// Writes `text` (printable ASCII; other characters become '?') with its top left corner at column `x`, row `y`.
+    /// Writes `text` (printable ASCII; other characters become '?') with its top left corner at
+    /// column `x`, row `y`.
     ///
     /// A character is `5 scale` wide and `7 scale` high; parts outside the picture are cut off.
     pub fn draw_text(&mut self, [x, y]: [i32; 2], text: &str, rgb: [u8; 3], scale: usize) {
         for (position, character) in text.chars().enumerate() {
             for (row, bits) in glyph(character).into_iter().enumerate() {
-                for column in (0..GLYPH_WIDTH).filter(|column| bits >> (GLYPH_WIDTH - 1 - column) & 1 == 1) {
+                for column in
+                    (0..GLYPH_WIDTH).filter(|column| bits >> (GLYPH_WIDTH - 1 - column) & 1 == 1)
+                {
                     let left = x + ((position * ADVANCE + column) * scale) as i32;
                     self.fill_square([left, y + (row * scale) as i32], scale, rgb);
                 }
@@ -72,11 +79,13 @@ impl Picture {
         [(n_characters * ADVANCE).saturating_sub(1) * scale, GLYPH_HEIGHT * scale]
     }
 
-    /// First and end columns and rows within the picture that are at most `margin` pixels from the pieces.
+    /// First and end columns and rows within the picture that are at most `margin` pixels from the
+    /// pieces.
     fn covered(&self, pieces: &[Piece], margin: f32) -> Option<[[usize; 2]; 2]> {
         let first = pieces.first()?;
         let ends = pieces.iter().flat_map(|piece| [piece.from, piece.to]);
-        let (low, high) = ends.fold((first.from, first.from), |(low, high), end| (low.min(end), high.max(end)));
+        let (low, high) =
+            ends.fold((first.from, first.from), |(low, high), end| (low.min(end), high.max(end)));
         // Casts saturate at zero.
         let (low, high) = (low - margin, high + margin + 1.0);
         let low = [low.x as usize, low.y as usize];
@@ -123,16 +132,25 @@ impl Piece {
             return None;
         }
         let cut = || from.lerp(to, (near - from_depth) / (to_depth - from_depth));
-        let (from_image, from_depth) = camera.project(if from_depth < near { cut() } else { from })?;
+        let (from_image, from_depth) =
+            camera.project(if from_depth < near { cut() } else { from })?;
         let (to_image, to_depth) = camera.project(if to_depth < near { cut() } else { to })?;
-        Some(Self { from: from_image, to: to_image, inverse_depths: [1.0 / from_depth, 1.0 / to_depth] })
+        Some(Self {
+            from: from_image,
+            to: to_image,
+            inverse_depths: [1.0 / from_depth, 1.0 / to_depth],
+        })
     }
 
     /// Distance of `image` from the piece (pixels) and the inverse depth of the piece there.
     fn nearest(&self, image: Vec2) -> (f32, f32) {
         let along = self.to - self.from;
         let length_squared = along.length_squared();
-        let fraction = if length_squared > 0.0 { ((image - self.from).dot(along) / length_squared).clamp(0.0, 1.0) } else { 0.0 };
+        let fraction = if length_squared > 0.0 {
+            ((image - self.from).dot(along) / length_squared).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
         let [from, to] = self.inverse_depths;
         ((self.from + along * fraction - image).length(), from + (to - from) * fraction)
     }
@@ -145,7 +163,12 @@ mod tests {
 
     fn blank(camera: &Camera, depth: f32) -> Picture {
         let n = camera.n_pixels();
-        Picture { width: camera.width, height: camera.height, rgb: vec![[0; 3]; n], depth: vec![depth; n] }
+        Picture {
+            width: camera.width,
+            height: camera.height,
+            rgb: vec![[0; 3]; n],
+            depth: vec![depth; n],
+        }
     }
 
     fn camera() -> Camera {
@@ -168,11 +191,23 @@ mod tests {
     #[test]
     fn lines_from_behind_the_camera_are_cut_and_those_beside_it_left_out() {
         let mut picture = blank(&camera(), View::NOTHING);
-        picture.draw_polyline(&camera(), &[Vec3::new(-1.0, 0.1, 0.0), Vec3::new(2.0, 0.1, 0.0)], &STROKE);
+        picture.draw_polyline(
+            &camera(),
+            &[Vec3::new(-1.0, 0.1, 0.0), Vec3::new(2.0, 0.1, 0.0)],
+            &STROKE,
+        );
         assert!(picture.rgb.iter().any(|rgb| rgb[0] > 0));
         let mut picture = blank(&camera(), View::NOTHING);
-        picture.draw_polyline(&camera(), &[Vec3::new(1.0, 5.0, 0.0), Vec3::new(1.0, 6.0, 0.0)], &STROKE);
-        picture.draw_polyline(&camera(), &[Vec3::new(-1.0, 0.0, 0.0), Vec3::new(-2.0, 0.0, 0.0)], &STROKE);
+        picture.draw_polyline(
+            &camera(),
+            &[Vec3::new(1.0, 5.0, 0.0), Vec3::new(1.0, 6.0, 0.0)],
+            &STROKE,
+        );
+        picture.draw_polyline(
+            &camera(),
+            &[Vec3::new(-1.0, 0.0, 0.0), Vec3::new(-2.0, 0.0, 0.0)],
+            &STROKE,
+        );
         picture.draw_polyline(&camera(), &[Vec3::NAN, Vec3::X], &STROKE);
         picture.draw_polyline(&camera(), &[], &STROKE);
         assert!(picture.rgb.iter().all(|rgb| rgb[0] == 0));

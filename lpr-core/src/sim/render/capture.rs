@@ -18,7 +18,8 @@ pub enum Channel {
     Mask,
 }
 
-/// What a camera saw, in the channels that were asked for: each one row by row from the top left, `camera.n_pixels()` long.
+/// What a camera saw, in the channels that were asked for: each one row by row from the top left,
+/// `camera.n_pixels()` long.
 ///
 /// An agent gets a [`View`], which has no mask.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,7 +37,8 @@ pub struct Capture {
 }
 
 impl Renderer {
-    /// What `camera` sees of `items`, whose meshes are this renderer's, after `measure` has changed its depth.
+    /// What `camera` sees of `items`, whose meshes are this renderer's, after `measure` has changed
+    /// its depth.
     ///
     /// Without channels nothing is drawn.
     #[must_use]
@@ -59,14 +61,19 @@ impl Renderer {
         Capture {
             camera: camera.clone(),
             rgb: asked(Channel::Rgb).then(|| self.colors(camera, items)),
-            points: depth.as_ref().filter(|_| asked(Channel::Cloud)).map(|depth| camera.unproject_image(depth)),
+            points: depth
+                .as_ref()
+                .filter(|_| asked(Channel::Cloud))
+                .map(|depth| camera.unproject_image(depth)),
             depth: depth.filter(|_| asked(Channel::Depth)),
             mask: asked(Channel::Mask).then(|| self.ids(camera, items)),
         }
     }
 
     fn depths(&self, camera: &Camera) -> Vec<f32> {
-        let depth = |(&inverse, &face): (&f32, &u32)| if face == NO_FACE { View::NOTHING } else { 1.0 / inverse };
+        let depth = |(&inverse, &face): (&f32, &u32)| {
+            if face == NO_FACE { View::NOTHING } else { 1.0 / inverse }
+        };
         let row = |y: usize| {
             let (inverse_depths, face_idxs) = self.raster.row(y);
             inverse_depths.iter().zip(face_idxs).map(depth)
@@ -82,11 +89,16 @@ impl Renderer {
     fn ids(&self, camera: &Camera, items: &[Item]) -> Vec<u16> {
         let faces = self.raster.faces();
         // The first face stands for nothing, and its item is none of these.
-        self.of_faces(camera, |face_idx| items.get(faces[face_idx].item_idx as usize).map_or(NO_ITEM, |item| item.id))
+        self.of_faces(camera, |face_idx| {
+            items.get(faces[face_idx].item_idx as usize).map_or(NO_ITEM, |item| item.id)
+        })
     }
 
     /// `value` of the face that each pixel sees.
     fn of_faces<T>(&self, camera: &Camera, value: impl Fn(usize) -> T) -> Vec<T> {
-        (0..camera.height).flat_map(|y| self.raster.row(y).1).map(|&face_idx| value(face_idx as usize)).collect()
+        (0..camera.height)
+            .flat_map(|y| self.raster.row(y).1)
+            .map(|&face_idx| value(face_idx as usize))
+            .collect()
     }
 }

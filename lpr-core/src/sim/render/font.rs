@@ -7,7 +7,8 @@ pub(super) const GLYPH_HEIGHT: usize = 7;
 
 const FIRST: u8 = b' ';
 
-/// Printable ASCII from the space on: seven rows of five bits, the top row in the highest bits, the left dot first.
+/// Printable ASCII from the space on: seven rows of five bits, the top row in the highest bits, the
+/// left dot first.
 #[rustfmt::skip]
 const GLYPHS: [u64; 95] = [
     0x0_0000_0000, 0x1_0842_1004, 0x2_94A0_0000, 0x2_95F5_7D4A, 0x1_1F47_17C4, 0x6_3222_2263, 0x3_2544_564D, 0x1_0840_0000,
@@ -24,9 +25,11 @@ const GLYPHS: [u64; 95] = [
     0x0_0115_1151, 0x0_0118_BC2E, 0x0_01F1_111F, 0x0_8844_1082, 0x1_0842_1084, 0x2_0841_1088, 0x0_008A_8800,
 ];
 
-/// Rows of a character from the top, the leftmost dot in bit 4; '?' for what is not printable ASCII.
+/// Rows of a character from the top, the leftmost dot in bit 4; '?' for what is not printable
+/// ASCII.
 pub(super) fn glyph(character: char) -> [u8; GLYPH_HEIGHT] {
-    let known = if character.is_ascii_graphic() || character == ' ' { character as u8 } else { b'?' };
+    let known =
+        if character.is_ascii_graphic() || character == ' ' { character as u8 } else { b'?' };
     let bits = GLYPHS[usize::from(known - FIRST)];
     core::array::from_fn(|row| (bits >> (GLYPH_WIDTH * (GLYPH_HEIGHT - 1 - row))) as u8 & 0b1_1111)
 }
@@ -37,7 +40,8 @@ mod tests {
 
     #[test]
     fn glyphs_read_as_drawn() {
-        let picture = glyph('R').map(|row| format!("{row:05b}").replace('0', ".").replace('1', "#"));
+        let picture =
+            glyph('R').map(|row| format!("{row:05b}").replace('0', ".").replace('1', "#"));
         assert_eq!(picture, ["####.", "#...#", "#...#", "####.", "#.#..", "#..#.", "#...#"]);
         assert_eq!(glyph('\u{e9}'), glyph('?'));
         assert_eq!(glyph(' '), [0; GLYPH_HEIGHT]);
@@ -46,7 +50,11 @@ mod tests {
     #[test]
     fn no_two_characters_look_the_same() {
         for first in 0..GLYPHS.len() {
-            assert!(!GLYPHS[first + 1..].contains(&GLYPHS[first]), "{}", char::from(FIRST + first as u8));
+            assert!(
+                !GLYPHS[first + 1..].contains(&GLYPHS[first]),
+                "{}",
+                char::from(FIRST + first as u8)
+            );
         }
     }
 }

@@ -9,7 +9,8 @@ use parry3d::transformation::try_convex_hull;
 /// How finely round shapes are tessellated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Detail {
-    /// For images of 128 × 128 pixels: 16 sides; at most 2 % of the radius inside a cylinder, 6 % inside a ball.
+    /// For images of 128 × 128 pixels: 16 sides; at most 2 % of the radius inside a cylinder, 6 %
+    /// inside a ball.
     Observation,
     /// For pictures that people look at: 64 sides.
     Picture,
@@ -66,27 +67,47 @@ impl Mesh {
     /// For a convex shape whose points have no hull.
     pub(super) fn new(shape: &Shape, detail: Detail) -> Result<Self> {
         Ok(match *shape {
-            Shape::Sphere { radius } => {
-                revolved(&round_profile(radius, 0.0, detail), detail, Surface::Round { half_length: 0.0 })
-            }
-            Shape::Capsule { radius, half_length } => {
-                revolved(&round_profile(radius, half_length, detail), detail, Surface::Round { half_length })
-            }
+            Shape::Sphere { radius } => revolved(
+                &round_profile(radius, 0.0, detail),
+                detail,
+                Surface::Round { half_length: 0.0 },
+            ),
+            Shape::Capsule { radius, half_length } => revolved(
+                &round_profile(radius, half_length, detail),
+                detail,
+                Surface::Round { half_length },
+            ),
             Shape::Cylinder { radius, half_length } => {
-                let profile = [(0.0, -half_length), (radius, -half_length), (radius, half_length), (0.0, half_length)];
+                let profile = [
+                    (0.0, -half_length),
+                    (radius, -half_length),
+                    (radius, half_length),
+                    (0.0, half_length),
+                ];
                 revolved(&profile, detail, Surface::Tube)
             }
             Shape::Cuboid { half_extents } => cuboid(half_extents),
             Shape::Convex { ref points } => {
-                let (vertices, triangles) = try_convex_hull(points)
-                    .map_err(|error| Error::Environment(format!("a convex shape of {} points: {error}", points.len())))?;
+                let (vertices, triangles) = try_convex_hull(points).map_err(|error| {
+                    Error::Environment(format!(
+                        "a convex shape of {} points: {error}",
+                        points.len()
+                    ))
+                })?;
                 Self::from_triangles(vertices, &triangles, Surface::Faceted)
             }
         })
     }
 
     fn from_triangles(vertices: Vec<Vec3>, candidates: &[[u32; 3]], surface: Surface) -> Self {
-        let mut mesh = Self { vertices, triangles: Vec::new(), normals: Vec::new(), offsets: Vec::new(), radius: 0.0, surface };
+        let mut mesh = Self {
+            vertices,
+            triangles: Vec::new(),
+            normals: Vec::new(),
+            offsets: Vec::new(),
+            radius: 0.0,
+            surface,
+        };
         for &triangle in candidates {
             let [a, b, c] = triangle.map(|idx| mesh.vertices[idx as usize]);
             // In f64: the hull may hold slivers, and one without area has no normal.
@@ -100,14 +121,17 @@ impl Mesh {
         mesh
     }
 
-    /// Outward normal of the true surface at `point` of triangle `triangle_idx`, both in the mesh's frame.
+    /// Outward normal of the true surface at `point` of triangle `triangle_idx`, both in the mesh's
+    /// frame.
     pub(super) fn smooth_normal(&self, triangle_idx: usize, point: Vec3) -> Vec3 {
         let flat = self.normals[triangle_idx];
         let radial = match self.surface {
             Surface::Faceted => return flat,
             Surface::Tube if flat.z.abs() > 0.5 => return flat,
             Surface::Tube => Vec3::new(point.x, point.y, 0.0),
-            Surface::Round { half_length } => Vec3::new(point.x, point.y, point.z - point.z.clamp(-half_length, half_length)),
+            Surface::Round { half_length } => {
+                Vec3::new(point.x, point.y, point.z - point.z.clamp(-half_length, half_length))
+            }
         };
         radial.normalize_or(flat)
     }
@@ -132,10 +156,12 @@ fn round_profile(radius: f32, half_length: f32, detail: Detail) -> Vec<(f32, f32
 fn revolved(profile: &[(f32, f32)], detail: Detail, surface: Surface) -> Mesh {
     let sides = detail.sides();
     let rings = &profile[1..profile.len() - 1];
-    let mut vertices = vec![Vec3::new(0.0, 0.0, profile[0].1), Vec3::new(0.0, 0.0, profile[profile.len() - 1].1)];
+    let mut vertices =
+        vec![Vec3::new(0.0, 0.0, profile[0].1), Vec3::new(0.0, 0.0, profile[profile.len() - 1].1)];
     for &(radius, z) in rings {
         vertices.extend((0..sides).map(|side| {
-            // Half a side off the axes, so that no edge runs along the silhouette of an axis-aligned view.
+            // Half a side off the axes, so that no edge runs along the silhouette of an
+            // axis-aligned view.
             let (sin, cos) = libm::sincosf((TAU * side as f32 + PI) / sides as f32);
             Vec3::new(radius * cos, radius * sin, z)
         }));
@@ -157,9 +183,13 @@ fn revolved(profile: &[(f32, f32)], detail: Detail, surface: Surface) -> Mesh {
 fn cuboid(half_extents: Vec3) -> Mesh {
     // Vertex number: bit 0 for +x, bit 1 for +y, bit 2 for +z.
     let sign = |idx: u32, bit: u32| if idx >> bit & 1 == 1 { 1.0 } else { -1.0 };
-    let vertices = (0..8).map(|idx| half_extents * Vec3::new(sign(idx, 0), sign(idx, 1), sign(idx, 2))).collect();
-    let quads = [[1, 3, 7, 5], [0, 4, 6, 2], [2, 6, 7, 3], [0, 1, 5, 4], [4, 5, 7, 6], [0, 2, 3, 1]];
-    let triangles: Vec<[u32; 3]> = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
+    let vertices = (0..8)
+        .map(|idx| half_extents * Vec3::new(sign(idx, 0), sign(idx, 1), sign(idx, 2)))
+        .collect();
+    let quads =
+        [[1, 3, 7, 5], [0, 4, 6, 2], [2, 6, 7, 3], [0, 1, 5, 4], [4, 5, 7, 6], [0, 2, 3, 1]];
+    let triangles: Vec<[u32; 3]> =
+        quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
     Mesh::from_triangles(vertices, &triangles, Surface::Faceted)
 }
 
@@ -175,7 +205,14 @@ mod tests {
             Shape::Cylinder { radius: 0.2, half_length: 0.3 },
             Shape::Capsule { radius: 0.1, half_length: 0.3 },
             Shape::Convex {
-                points: vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z, Vec3::new(0.2, 0.2, 0.2), Vec3::new(0.7, 0.7, 0.7)],
+                points: vec![
+                    Vec3::ZERO,
+                    Vec3::X,
+                    Vec3::Y,
+                    Vec3::Z,
+                    Vec3::new(0.2, 0.2, 0.2),
+                    Vec3::new(0.7, 0.7, 0.7),
+                ],
             },
         ]
     }
@@ -199,9 +236,14 @@ mod tests {
                     *edges.entry(edge).or_insert(0) += 1;
                 }
             }
-            assert!(edges.iter().all(|(&(a, b), &n)| n == 1 && edges.contains_key(&(b, a))), "{shape:?} has a hole");
+            assert!(
+                edges.iter().all(|(&(a, b), &n)| n == 1 && edges.contains_key(&(b, a))),
+                "{shape:?} has a hole"
+            );
             assert!(volume(&mesh) > 0.0, "{shape:?} is inside out");
-            for (triangle, (normal, offset)) in mesh.triangles.iter().zip(mesh.normals.iter().zip(&mesh.offsets)) {
+            for (triangle, (normal, offset)) in
+                mesh.triangles.iter().zip(mesh.normals.iter().zip(&mesh.offsets))
+            {
                 let inside = mesh.vertices.iter().all(|v| normal.dot(*v) < offset + 1e-5);
                 assert!(inside, "{shape:?}: {triangle:?} does not face outwards");
             }
@@ -210,7 +252,12 @@ mod tests {
 
     #[test]
     fn volumes_approach_the_true_ones() {
-        let exact = [4.0 / 3.0 * PI * 0.027, 8.0 * 0.006, PI * 0.04 * 0.6, PI * 0.01 * 0.6 + 4.0 / 3.0 * PI * 0.001];
+        let exact = [
+            4.0 / 3.0 * PI * 0.027,
+            8.0 * 0.006,
+            PI * 0.04 * 0.6,
+            PI * 0.01 * 0.6 + 4.0 / 3.0 * PI * 0.001,
+        ];
         for (shape, exact) in shapes().iter().zip(exact) {
             let measured = volume(&Mesh::new(shape, Detail::Picture).expect("a proper shape"));
             assert!((measured / exact - 1.0).abs() < 0.01, "{shape:?}: {measured} of {exact}");
@@ -219,7 +266,8 @@ mod tests {
 
     #[test]
     fn smooth_normals_of_a_ball_point_from_its_center() {
-        let mesh = Mesh::new(&Shape::Sphere { radius: 0.3 }, Detail::Observation).expect("a proper shape");
+        let mesh =
+            Mesh::new(&Shape::Sphere { radius: 0.3 }, Detail::Observation).expect("a proper shape");
         let point = Vec3::new(0.1, -0.2, 0.15);
         assert!((mesh.smooth_normal(0, point) - point.normalize_or_zero()).length() < 1e-6);
     }

@@ -13,7 +13,9 @@ pub(super) struct Transfer {
 impl Transfer {
     pub(super) fn new() -> Self {
         let linear = core::array::from_fn(|byte| decode(byte as f32 / 255.0));
-        let encoded = (0..=ENCODE_STEPS).map(|step| (encode(step as f32 / ENCODE_STEPS as f32) * 255.0 + 0.5) as u8).collect();
+        let encoded = (0..=ENCODE_STEPS)
+            .map(|step| (encode(step as f32 / ENCODE_STEPS as f32) * 255.0 + 0.5) as u8)
+            .collect();
         Self { linear, encoded }
     }
 
@@ -25,7 +27,9 @@ impl Transfer {
     /// sRGB of linear light; brighter than 1 is white.
     pub(super) fn encode(&self, light: [f32; 3]) -> [u8; 3] {
         // Casts saturate at zero.
-        light.map(|light| self.encoded[((light * ENCODE_STEPS as f32 + 0.5) as usize).min(ENCODE_STEPS)])
+        light.map(|light| {
+            self.encoded[((light * ENCODE_STEPS as f32 + 0.5) as usize).min(ENCODE_STEPS)]
+        })
     }
 }
 
@@ -39,15 +43,17 @@ fn encode(light: f32) -> f32 {
     if light <= 0.003_130_8 { 12.92 * light } else { 1.055 * libm::powf(light, 1.0 / 2.4) - 0.055 }
 }
 
-/// Colour of a value between 0 (dark violet) and 1 (bright yellow); values outside take the ends' colours.
+/// Colour of a value between 0 (dark violet) and 1 (bright yellow); values outside take the ends'
+/// colours.
 ///
-/// A line in Oklab's lightness and hue: equal steps of the value look equally far apart, also in grey.
+/// A line in Oklab's lightness and hue: equal steps of the value look equally far apart, also in
+/// grey.
 #[must_use]
 pub fn value_color(value: f32) -> [u8; 3] {
     let value = if value.is_nan() { 0.0 } else { value.clamp(0.0, 1.0) };
     let lightness = 0.34 + 0.57 * value;
-    // Violet (300°) through blue, teal and green to yellow (105°); the chroma stays within sRGB, which has little in the teals
-    // (0.104 at value 0.45).
+    // Violet (300°) through blue, teal and green to yellow (105°); the chroma stays within sRGB,
+    // which has little in the teals (0.104 at value 0.45).
     let hue = (300.0 - 195.0 * value).to_radians();
     let chroma = 0.145 + 0.03 * value - 0.235 * value * (1.0 - value);
     let (sin, cos) = libm::sincosf(hue);

@@ -23,7 +23,8 @@ const GLOSS_SQUARINGS: u32 = 5;
 const BACKDROP_TOP: Vec3 = Vec3::new(0.74, 0.79, 0.84);
 const BACKDROP_BOTTOM: Vec3 = Vec3::new(0.90, 0.91, 0.92);
 
-/// Distance of the shadow map's eye from what it covers, metres: far enough for nearly parallel rays.
+/// Distance of the shadow map's eye from what it covers, metres: far enough for nearly parallel
+/// rays.
 const LIGHT_DISTANCE: f32 = 12.0;
 /// Rows and columns of the shadow map.
 const SHADOW_SIZE: usize = 2048;
@@ -41,7 +42,8 @@ pub struct Picture {
     pub height: usize,
     /// Colour, sRGB.
     pub rgb: Vec<[u8; 3]>,
-    /// Least depth along the optical axis within each pixel, metres; [`View::NOTHING`] where nothing is seen.
+    /// Least depth along the optical axis within each pixel, metres; [`View::NOTHING`] where
+    /// nothing is seen.
     pub depth: Vec<f32>,
 }
 
@@ -87,7 +89,12 @@ impl Renderer {
             to_key: TO_KEY.normalize_or_zero(),
             to_fill: TO_FILL.normalize_or_zero(),
         };
-        let mut picture = Picture { width: camera.width, height: camera.height, rgb: Vec::new(), depth: Vec::new() };
+        let mut picture = Picture {
+            width: camera.width,
+            height: camera.height,
+            rgb: Vec::new(),
+            depth: Vec::new(),
+        };
         for y in 0..camera.height {
             resolve_row(&mut picture, &scene, &self.raster, y, samples);
         }
@@ -110,7 +117,13 @@ fn enlarged(camera: &Camera, samples: usize) -> Camera {
 }
 
 /// Appends row `y` of the picture: the mean light of the samples.
-fn resolve_row(picture: &mut Picture, scene: &Scene<'_>, raster: &Raster, y: usize, samples: usize) {
+fn resolve_row(
+    picture: &mut Picture,
+    scene: &Scene<'_>,
+    raster: &Raster,
+    y: usize,
+    samples: usize,
+) {
     let mut light = vec![Vec3::ZERO; picture.width];
     let mut nearest = vec![0.0_f32; picture.width];
     for fine_y in y * samples..(y + 1) * samples {
@@ -126,8 +139,12 @@ fn resolve_row(picture: &mut Picture, scene: &Scene<'_>, raster: &Raster, y: usi
         }
     }
     let share = 1.0 / (samples * samples) as f32;
-    picture.rgb.extend(light.iter().map(|&light| scene.transfer.encode((light * share).to_array())));
-    picture.depth.extend(nearest.iter().map(|&inverse| if inverse > 0.0 { 1.0 / inverse } else { View::NOTHING }));
+    picture
+        .rgb
+        .extend(light.iter().map(|&light| scene.transfer.encode((light * share).to_array())));
+    picture.depth.extend(
+        nearest.iter().map(|&inverse| if inverse > 0.0 { 1.0 / inverse } else { View::NOTHING }),
+    );
 }
 
 impl Scene<'_> {
@@ -145,14 +162,16 @@ impl Scene<'_> {
         let item = &self.items[face.item_idx as usize];
         let mesh = &self.meshes[item.mesh.0];
         let local = item.world_from_mesh.inverse_transform_point(point);
-        let normal = item.world_from_mesh.rotation * mesh.smooth_normal(face.triangle_idx as usize, local);
+        let normal =
+            item.world_from_mesh.rotation * mesh.smooth_normal(face.triangle_idx as usize, local);
         let facing_key = normal.dot(self.to_key).max(0.0);
         let lit = if facing_key > 0.0 { self.shadows.lit(point, normal) } else { 0.0 };
         let ambient = GROUND.lerp(SKY, 0.5 + 0.5 * normal.z);
         let light = ambient + FILL * normal.dot(self.to_fill).max(0.0) + KEY * (facing_key * lit);
         let to_eye = (self.camera.world_from_camera.translation - point).normalize_or_zero();
         let halfway = (to_eye + self.to_key).normalize_or_zero();
-        let gloss = (0..GLOSS_SQUARINGS).fold(normal.dot(halfway).max(0.0), |value, _| value * value);
+        let gloss =
+            (0..GLOSS_SQUARINGS).fold(normal.dot(halfway).max(0.0), |value, _| value * value);
         Vec3::from_array(self.transfer.decode(item.rgb)) * light + Vec3::splat(GLOSS * lit * gloss)
     }
 }
@@ -162,7 +181,8 @@ impl ShadowMap {
         let (center, radius) = focus(items, meshes);
         let to_key = TO_KEY.normalize_or_zero();
         let angle = 2.0 * libm::asinf((radius / LIGHT_DISTANCE).min(0.9));
-        let mut camera = Camera::looking("key light", center + to_key * LIGHT_DISTANCE, -to_key, angle);
+        let mut camera =
+            Camera::looking("key light", center + to_key * LIGHT_DISTANCE, -to_key, angle);
         camera = camera.with_size(SHADOW_SIZE, SHADOW_SIZE);
         camera.far = 4.0 * LIGHT_DISTANCE;
         let mut raster = Raster::default();
@@ -175,7 +195,8 @@ impl ShadowMap {
 
     /// Share of the key light that reaches the surface with `normal` at `point`, 0 to 1.
     fn lit(&self, point: Vec3, normal: Vec3) -> f32 {
-        // Off the surface, so that it does not shadow itself: a corner of the square is (PENUMBRA + 1/2) √2 texels away.
+        // Off the surface, so that it does not shadow itself: a corner of the square is (PENUMBRA +
+        // 1/2) √2 texels away.
         let texel = LIGHT_DISTANCE / self.camera.fx;
         let offset = 1.5 * (PENUMBRA as f32 + 0.5) * texel;
         let Some((image, depth)) = self.camera.project(point + normal * offset) else { return 1.0 };
@@ -201,9 +222,11 @@ fn focus(items: &[Item], meshes: &[Mesh]) -> (Vec3, f32) {
     let reach = |item: &Item| meshes[item.mesh.0].radius;
     let small: Vec<_> = items.iter().filter(|item| reach(item) < LARGE).collect();
     let position = |pose: &Pose3| pose.translation;
-    let center = small.iter().map(|item| position(&item.world_from_mesh)).sum::<Vec3>() / small.len().max(1) as f32;
-    let radius =
-        small.iter().fold(0.1_f32, |radius, item| radius.max((position(&item.world_from_mesh) - center).length() + reach(item)));
+    let center = small.iter().map(|item| position(&item.world_from_mesh)).sum::<Vec3>()
+        / small.len().max(1) as f32;
+    let radius = small.iter().fold(0.1_f32, |radius, item| {
+        radius.max((position(&item.world_from_mesh) - center).length() + reach(item))
+    });
     (center, radius)
 }
 
@@ -222,8 +245,13 @@ mod tests {
             rgb,
             id: 1,
         };
-        let items = vec![item(Vec3::new(1.5, 1.5, 0.01), -0.01, [200; 3]), item(Vec3::splat(0.05), 0.3, [180, 40, 40])];
-        let camera = Camera::looking_at("p", Vec3::new(1.4, 0.0, 0.9), Vec3::new(0.0, 0.0, 0.1), 0.7).with_size(160, 120);
+        let items = vec![
+            item(Vec3::new(1.5, 1.5, 0.01), -0.01, [200; 3]),
+            item(Vec3::splat(0.05), 0.3, [180, 40, 40]),
+        ];
+        let camera =
+            Camera::looking_at("p", Vec3::new(1.4, 0.0, 0.9), Vec3::new(0.0, 0.0, 0.1), 0.7)
+                .with_size(160, 120);
         (renderer, items, camera)
     }
 

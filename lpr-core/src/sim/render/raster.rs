@@ -1,7 +1,8 @@
 //! The z-buffer: which triangle each pixel sees, and at what depth.
 //!
-//! Edge functions are evaluated from exactly negated coefficients on both sides of a shared edge, so adjacent triangles leave no
-//! gap. The inverse depth of a face comes from its plane, not from its corners, so clipping does not change it.
+//! Edge functions are evaluated from exactly negated coefficients on both sides of a shared edge,
+//! so adjacent triangles leave no gap. The inverse depth of a face comes from its plane, not from
+//! its corners, so clipping does not change it.
 
 use super::mesh::Mesh;
 use crate::perception::Camera;
@@ -11,7 +12,8 @@ use glamx::{Mat3, Pose3, Vec2, Vec3};
 const LANES: usize = 4;
 /// Column of each lane's pixel centre, pixels.
 const LANE_CENTERS: [f32; LANES] = [0.5, 1.5, 2.5, 3.5];
-/// Triangles wider than this have their span solved row by row; for narrower ones testing all pixels costs less.
+/// Triangles wider than this have their span solved row by row; for narrower ones testing all
+/// pixels costs less.
 const WIDE: usize = 3 * LANES;
 /// Entry of [`Raster::faces`] for pixels that see nothing.
 pub(super) const NO_FACE: u32 = 0;
@@ -114,7 +116,13 @@ impl Raster {
     }
 
     /// Draws the mesh of item `item_idx`.
-    pub(super) fn draw(&mut self, camera: &Camera, item_idx: usize, mesh: &Mesh, world_from_mesh: &Pose3) {
+    pub(super) fn draw(
+        &mut self,
+        camera: &Camera,
+        item_idx: usize,
+        mesh: &Mesh,
+        world_from_mesh: &Pose3,
+    ) {
         let Some(placement) = place(camera, mesh, world_from_mesh) else { return };
         let Placement { rotation, translation, crosses_near } = placement;
         self.vertices.clear();
@@ -142,7 +150,8 @@ impl Raster {
         }
     }
 
-    /// Draws a triangle in front of the near plane; `plane` is asked for only when the triangle covers pixels.
+    /// Draws a triangle in front of the near plane; `plane` is asked for only when the triangle
+    /// covers pixels.
     fn fill(&mut self, face: Face, corners: [Vertex; 3], plane: impl Fn() -> Linear) {
         let [a, b, c] = corners.map(|corner| corner.image);
         let Some(pixels) = self.pixel_box(a, b, c) else { return };
@@ -154,7 +163,12 @@ impl Raster {
         };
         let face_idx = self.faces.len() as u32;
         self.faces.push(face);
-        self.scan(pixels, [Linear::edge(a, b), Linear::edge(b, c), Linear::edge(c, a)], inverse_depth, face_idx);
+        self.scan(
+            pixels,
+            [Linear::edge(a, b), Linear::edge(b, c), Linear::edge(c, a)],
+            inverse_depth,
+            face_idx,
+        );
     }
 
     /// The pixels whose centres may lie within the triangle.
@@ -178,20 +192,25 @@ impl Raster {
             let center = y as f32 + 0.5;
             let edge_rows = edges.map(|edge| Row { dx: edge.dx, left: edge.at_row(center) });
             let depth_row = Row { dx: depth.plane.dx, left: depth.plane.at_row(center) };
-            let [start, end] =
-                if columns[1] - columns[0] > WIDE { span(columns, edge_rows, crossing_per_value) } else { columns };
+            let [start, end] = if columns[1] - columns[0] > WIDE {
+                span(columns, edge_rows, crossing_per_value)
+            } else {
+                columns
+            };
             let [first, last] = [start / LANES, end.div_ceil(LANES)];
             if first >= last {
                 continue;
             }
             let groups = y * self.stride + first..y * self.stride + last;
-            let buffers = self.inverse_depth[groups.clone()].iter_mut().zip(&mut self.face_idx[groups]);
+            let buffers =
+                self.inverse_depth[groups.clone()].iter_mut().zip(&mut self.face_idx[groups]);
             let mut x = LANE_CENTERS.map(|lane_center| (first * LANES) as f32 + lane_center);
             for (nearest, faces) in buffers {
                 let [ab, bc, ca] = edge_rows.map(|row| row.at(x));
                 let value = clamped(depth_row.at(x), depth.min, depth.max);
                 let visible = visible_lanes(least(least(ab, bc), ca), value, *nearest);
-                *nearest = chosen(visible, value.map(f32::to_bits), nearest.map(f32::to_bits)).map(f32::from_bits);
+                *nearest = chosen(visible, value.map(f32::to_bits), nearest.map(f32::to_bits))
+                    .map(f32::from_bits);
                 *faces = chosen(visible, [face_idx; LANES], *faces);
                 x = x.map(|x| x + LANES as f32);
             }
@@ -208,7 +227,8 @@ struct Row {
 
 type Lanes = [f32; LANES];
 
-/// The part of `columns` that holds all pixels of a row within the edges, with a pixel to spare on either side for rounding.
+/// The part of `columns` that holds all pixels of a row within the edges, with a pixel to spare on
+/// either side for rounding.
 fn span(columns: [usize; 2], edge_rows: [Row; 3], crossing_per_value: [f32; 3]) -> [usize; 2] {
     let (mut start, mut end) = (columns[0] as f32, columns[1] as f32);
     for (edge, per_value) in edge_rows.iter().zip(crossing_per_value) {
@@ -229,7 +249,8 @@ impl Row {
     }
 }
 
-// These are written without branches over whole groups, so that the compiler uses vector instructions.
+// These are written without branches over whole groups, so that the compiler uses vector
+// instructions.
 
 #[inline(always)]
 fn least(a: Lanes, b: Lanes) -> Lanes {
@@ -247,7 +268,9 @@ fn clamped(values: Lanes, min: f32, max: f32) -> Lanes {
 /// All bits set where the pixel is inside the triangle and nearer than what it saw.
 #[inline(always)]
 fn visible_lanes(inside: Lanes, value: Lanes, nearest: Lanes) -> [u32; LANES] {
-    core::array::from_fn(|lane| u32::from((inside[lane] >= 0.0) & (value[lane] > nearest[lane])).wrapping_neg())
+    core::array::from_fn(|lane| {
+        u32::from((inside[lane] >= 0.0) & (value[lane] > nearest[lane])).wrapping_neg()
+    })
 }
 
 #[inline(always)]
@@ -260,8 +283,9 @@ fn place(camera: &Camera, mesh: &Mesh, world_from_mesh: &Pose3) -> Option<Placem
     let camera_from_mesh = camera.world_from_camera.inv_mul(world_from_mesh);
     let center = camera_from_mesh.translation;
     let radius = mesh.radius;
-    let beyond_side =
-        |across: f32, focal: f32, side: f32| across * focal - center.z * side > radius * libm::sqrtf(focal * focal + side * side);
+    let beyond_side = |across: f32, focal: f32, side: f32| {
+        across * focal - center.z * side > radius * libm::sqrtf(focal * focal + side * side)
+    };
     let outside = center.z + radius < camera.near
         || center.z - radius > camera.far
         || beyond_side(-center.x, camera.fx, camera.cx)
@@ -280,7 +304,8 @@ fn image_point(camera: &Camera, local: Vec3) -> Vec2 {
     Vec2::new(camera.cx + camera.fx * local.x * inverse, camera.cy + camera.fy * local.y * inverse)
 }
 
-/// Inverse depth over the image of the plane with `normal` (in the camera's frame) at `distance` in front of the eye.
+/// Inverse depth over the image of the plane with `normal` (in the camera's frame) at `distance` in
+/// front of the eye.
 fn inverse_depth_plane(camera: &Camera, normal: Vec3, distance: f32) -> Linear {
     // normal · (ray z) = -distance for the ray ((x - cx) / fx, (y - cy) / fy, 1).
     let scaled = normal * (-1.0 / distance);
@@ -288,7 +313,8 @@ fn inverse_depth_plane(camera: &Camera, normal: Vec3, distance: f32) -> Linear {
     Linear { dx, dy, origin: scaled.z - dx * camera.cx - dy * camera.cy }
 }
 
-/// The part of a triangle in front of the near plane: up to four corners and their number (Sutherland and Hodgman).
+/// The part of a triangle in front of the near plane: up to four corners and their number
+/// (Sutherland and Hodgman).
 fn clipped(camera: &Camera, corners: [Vertex; 3]) -> ([Vertex; 4], usize) {
     let mut polygon = [corners[0]; 4];
     let mut n_corners = 0;
@@ -302,8 +328,13 @@ fn clipped(camera: &Camera, corners: [Vertex; 3]) -> ([Vertex; 4], usize) {
             push(from);
         }
         if (from.local.z >= camera.near) != (to.local.z >= camera.near) {
-            // From the nearer end whichever way the edge runs, so that adjacent triangles share the new corner exactly.
-            let (near, far) = if from.local.z < to.local.z { (from.local, to.local) } else { (to.local, from.local) };
+            // From the nearer end whichever way the edge runs, so that adjacent triangles share the
+            // new corner exactly.
+            let (near, far) = if from.local.z < to.local.z {
+                (from.local, to.local)
+            } else {
+                (to.local, from.local)
+            };
             let mut local = near + (far - near) * ((camera.near - near.z) / (far.z - near.z));
             local.z = camera.near;
             push(Vertex { local, image: image_point(camera, local) });

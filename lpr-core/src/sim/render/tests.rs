@@ -37,9 +37,16 @@ fn tabletop(renderer: &mut Renderer) -> Vec<Item> {
 
 fn wedge() -> Vec<Vec3> {
     let corner = |x: f32, y: f32, z: f32| Vec3::new(x, y, z) * 0.08;
-    [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 1.0)]
-        .map(|(x, y, z)| corner(x, y, z))
-        .to_vec()
+    [
+        (0.0, 0.0, 0.0),
+        (1.0, 0.0, 0.0),
+        (0.0, 1.0, 0.0),
+        (1.0, 1.0, 0.0),
+        (0.0, 0.0, 1.0),
+        (0.0, 1.0, 1.0),
+    ]
+    .map(|(x, y, z)| corner(x, y, z))
+    .to_vec()
 }
 
 /// A camera near the middle of the table.
@@ -71,7 +78,8 @@ fn pixel_center(camera: &Camera, idx: usize) -> Vec2 {
     Vec2::new((idx % camera.width) as f32 + 0.5, (idx / camera.width) as f32 + 0.5)
 }
 
-/// Largest difference in depth where both see something, and the number of pixels where they differ by more than 1e-4 m.
+/// Largest difference in depth where both see something, and the number of pixels where they differ
+/// by more than 1e-4 m.
 fn compare(view: &View, distance_along: impl Fn(&Ray) -> Option<f32>) -> (f32, usize) {
     let (mut most, mut n_others) = (0.0_f32, 0);
     for (idx, &depth) in view.depth.iter().enumerate() {
@@ -94,18 +102,26 @@ fn depth_is_that_of_ray_casting() {
     for camera in [Camera::front(&PANDA), close_up()] {
         let frame = renderer.render(&camera, &items);
         let n_seen = frame.view.depth.iter().filter(|depth| depth.is_finite()).count();
-        let (most, n_others) = compare(&frame.view, |ray| mesh.cast_local_ray(ray, f32::MAX, false));
+        let (most, n_others) =
+            compare(&frame.view, |ray| mesh.cast_local_ray(ray, f32::MAX, false));
         assert!(n_seen > 4000, "{n_seen} pixels see something");
-        assert!(n_others <= 2, "{n_others} pixels differ by more than 1e-4 m; others by at most {most} m");
+        assert!(
+            n_others <= 2,
+            "{n_others} pixels differ by more than 1e-4 m; others by at most {most} m"
+        );
     }
 }
 
 #[test]
 fn depth_of_a_box_is_that_of_the_exact_box() {
     let mut renderer = Renderer::new(Detail::Observation);
-    let pose = Pose3::from_parts(Vec3::new(0.45, 0.0, 0.05), Quat::from_rotation_x(0.7) * Quat::from_rotation_z(0.3));
+    let pose = Pose3::from_parts(
+        Vec3::new(0.45, 0.0, 0.05),
+        Quat::from_rotation_x(0.7) * Quat::from_rotation_z(0.3),
+    );
     let mesh = renderer.mesh(&cuboid(0.05, 0.08, 0.03)).expect("a proper shape");
-    let frame = renderer.render(&close_up(), &[Item { mesh, world_from_mesh: pose, rgb: RED, id: 7 }]);
+    let frame =
+        renderer.render(&close_up(), &[Item { mesh, world_from_mesh: pose, rgb: RED, id: 7 }]);
     let exact = Cuboid::new(Vec3::new(0.05, 0.08, 0.03));
     let (most, n_others) = compare(&frame.view, |ray| exact.cast_ray(&pose, ray, f32::MAX, true));
     let n_seen = frame.mask.iter().filter(|&&id| id == 7).count();
@@ -148,7 +164,12 @@ fn points_project_to_the_pixels_that_see_them() {
 fn mask_colour_and_depth_belong_to_the_nearest_item() {
     let mut renderer = Renderer::new(Detail::Observation);
     let mesh = renderer.mesh(&cuboid(0.1, 0.1, 0.1)).expect("a proper shape");
-    let at = |x: f32, id: u16| Item { mesh, world_from_mesh: Pose3::translation(x, 0.0, 0.0), rgb: [id as u8; 3], id };
+    let at = |x: f32, id: u16| Item {
+        mesh,
+        world_from_mesh: Pose3::translation(x, 0.0, 0.0),
+        rgb: [id as u8; 3],
+        id,
+    };
     let camera = Camera::looking("x", Vec3::ZERO, Vec3::X, FRAC_PI_6);
     let middle = camera.n_pixels() / 2 + camera.width / 2;
     for items in [[at(1.0, 100), at(2.0, 200)], [at(2.0, 200), at(1.0, 100)]] {
@@ -164,7 +185,8 @@ fn mask_colour_and_depth_belong_to_the_nearest_item() {
 #[test]
 fn faces_that_cross_the_near_plane_are_split() {
     let mut renderer = Renderer::new(Detail::Observation);
-    // The eye is inside the box's outline seen from above, 2 cm over its top, which passes through the near plane.
+    // The eye is inside the box's outline seen from above, 2 cm over its top, which passes through
+    // the near plane.
     let top = Item {
         mesh: renderer.mesh(&cuboid(2.0, 2.0, 0.1)).expect("a proper shape"),
         world_from_mesh: Pose3::translation(0.0, 0.0, -0.12),
@@ -179,9 +201,14 @@ fn faces_that_cross_the_near_plane_are_split() {
         let ray = camera.unproject(pixel_center(&camera, idx), 1.0);
         // The ray meets the plane z = -0.02 at this depth, and the box's edge at 2 m cuts it off.
         let exact = -0.02 / ray.z;
-        let hits = ray.z < 0.0 && exact >= camera.near && (ray.x * exact).abs() < 2.0 && (ray.y * exact).abs() < 2.0;
+        let hits = ray.z < 0.0
+            && exact >= camera.near
+            && (ray.x * exact).abs() < 2.0
+            && (ray.y * exact).abs() < 2.0;
         n_seen += usize::from(hits);
-        n_wrong += usize::from(hits != depth.is_finite() || (hits && (depth - exact).abs() > 1e-4 * exact));
+        n_wrong += usize::from(
+            hits != depth.is_finite() || (hits && (depth - exact).abs() > 1e-4 * exact),
+        );
     }
     assert!(n_seen > 1000 && n_wrong <= n_seen / 200, "{n_wrong} of {n_seen}");
 }
@@ -201,7 +228,8 @@ fn shared_edges_leave_no_gap() {
     let mesh = renderer.mesh(&Shape::Sphere { radius: 0.2 }).expect("a proper shape");
     let ball = Item { mesh, world_from_mesh: Pose3::IDENTITY, rgb: RED, id: 1 };
     for step in 0..20 {
-        let camera = Camera::looking_at("near", Vec3::new(0.5, 0.013 * step as f32, 0.1), Vec3::ZERO, 0.3);
+        let camera =
+            Camera::looking_at("near", Vec3::new(0.5, 0.013 * step as f32, 0.1), Vec3::ZERO, 0.3);
         let frame = renderer.render(&camera, &[ball]);
         assert!(frame.mask.iter().all(|&id| id == 1), "the ball fills the image, without holes");
     }

@@ -1,4 +1,5 @@
-//! Shorthand for building scenes: lengths in metres, angles of waypoints in degrees as the published tables give them.
+//! Shorthand for building scenes: lengths in metres, angles of waypoints in degrees as the
+//! published tables give them.
 
 use super::{Motion, TaskScene, Waypoint};
 use crate::q_attention::NextBestPose;
@@ -21,26 +22,58 @@ pub(super) struct SceneBuilder {
 
 impl SceneBuilder {
     pub(super) fn new(task: &str) -> Self {
-        let spec = SceneSpec { task: task.to_owned(), bodies: Vec::new(), joints: Vec::new(), success: Vec::new() };
+        let spec = SceneSpec {
+            task: task.to_owned(),
+            bodies: Vec::new(),
+            joints: Vec::new(),
+            success: Vec::new(),
+        };
         Self { spec, waypoints: Vec::new() }
     }
 
     /// Adds a body whose frame is the task frame moved to `origin`; returns its index.
-    pub(super) fn body(&mut self, name: &str, kind: BodyKind, origin: Vec3, mass: f32, parts: Vec<Part>) -> usize {
+    pub(super) fn body(
+        &mut self,
+        name: &str,
+        kind: BodyKind,
+        origin: Vec3,
+        mass: f32,
+        parts: Vec<Part>,
+    ) -> usize {
         let pose = Pose3::from_translation(origin);
-        self.spec.bodies.push(BodySpec { name: name.to_owned(), kind, pose, parts, mass, friction: FRICTION });
+        self.spec.bodies.push(BodySpec {
+            name: name.to_owned(),
+            kind,
+            pose,
+            parts,
+            mass,
+            friction: FRICTION,
+        });
         self.spec.bodies.len() - 1
     }
 
     /// Adds a body that moves, with its frame at `pose` of the task frame; returns its index.
-    pub(super) fn turned_body(&mut self, name: &str, pose: Pose3, mass: f32, parts: Vec<Part>) -> usize {
+    pub(super) fn turned_body(
+        &mut self,
+        name: &str,
+        pose: Pose3,
+        mass: f32,
+        parts: Vec<Part>,
+    ) -> usize {
         let body = self.body(name, BodyKind::Dynamic, pose.translation, mass, parts);
         self.spec.bodies[body].pose = pose;
         body
     }
 
-    /// Adds a body that a closing hand attaches, with its frame at `pose` of the task frame; returns its index.
-    pub(super) fn graspable_body(&mut self, name: &str, pose: Pose3, mass: f32, parts: Vec<Part>) -> usize {
+    /// Adds a body that a closing hand attaches, with its frame at `pose` of the task frame;
+    /// returns its index.
+    pub(super) fn graspable_body(
+        &mut self,
+        name: &str,
+        pose: Pose3,
+        mass: f32,
+        parts: Vec<Part>,
+    ) -> usize {
         let body = self.body(name, BodyKind::Graspable, pose.translation, mass, parts);
         self.spec.bodies[body].pose = pose;
         body
@@ -77,7 +110,8 @@ impl Spots {
     /// One more place. The region has to have room for it.
     pub(super) fn draw(&mut self, rng: &mut Rng) -> Vec2 {
         loop {
-            let spot = self.region * Vec2::new(rng.random::<f32>() - 0.5, rng.random::<f32>() - 0.5);
+            let spot =
+                self.region * Vec2::new(rng.random::<f32>() - 0.5, rng.random::<f32>() - 0.5);
             if self.taken.iter().all(|other| other.distance(spot) >= self.min_distance) {
                 self.taken.push(spot);
                 return spot;
@@ -87,7 +121,11 @@ impl Spots {
 }
 
 /// The colour of `variation` and two different others of `colors`.
-pub(super) fn target_and_distractors(colors: &[[u8; 3]], variation: usize, rng: &mut Rng) -> [[u8; 3]; 3] {
+pub(super) fn target_and_distractors(
+    colors: &[[u8; 3]],
+    variation: usize,
+    rng: &mut Rng,
+) -> [[u8; 3]; 3] {
     let target = colors[variation];
     let others: Vec<_> = colors.iter().copied().filter(|other| *other != target).collect();
     let first = rng.random_range(0..others.len());
@@ -98,7 +136,8 @@ pub(super) fn target_and_distractors(colors: &[[u8; 3]], variation: usize, rng: 
 /// A grip pose at a position with roll, pitch, yaw in degrees: `Rz(yaw) Ry(pitch) Rx(roll)`.
 pub(super) fn grip_pose(position: [f32; 3], roll_pitch_yaw: [f32; 3]) -> Pose3 {
     let [roll, pitch, yaw] = roll_pitch_yaw.map(f32::to_radians);
-    let rotation = Quat::from_rotation_z(yaw) * Quat::from_rotation_y(pitch) * Quat::from_rotation_x(roll);
+    let rotation =
+        Quat::from_rotation_z(yaw) * Quat::from_rotation_y(pitch) * Quat::from_rotation_x(roll);
     Pose3::from_parts(Vec3::from(position), rotation)
 }
 
@@ -108,8 +147,9 @@ pub(super) fn turn_about(point: Vec3, axis: Vec3, angle: f32) -> Pose3 {
     Pose3::from_translation(point) * turn * Pose3::from_translation(-point)
 }
 
-/// The end of the way of `grasp` under a motion given by its share from 0 to 1, and the poses before it: so many that between two
-/// of them, where the hand goes straight, a heavy lid's hinge feels a tenth of a millimetre.
+/// The end of the way of `grasp` under a motion given by its share from 0 to 1, and the poses
+/// before it: so many that between two of them, where the hand goes straight, a heavy lid's hinge
+/// feels a tenth of a millimetre.
 pub(super) fn arc_about(grasp: Pose3, motion: impl Fn(f32) -> Pose3) -> (Pose3, Vec<Pose3>) {
     /// At most two degrees apart in every task.
     const POSES: usize = 57;
@@ -119,7 +159,11 @@ pub(super) fn arc_about(grasp: Pose3, motion: impl Fn(f32) -> Pose3) -> (Pose3, 
 
 /// A box from its centre and side lengths.
 pub(super) fn cuboid(center: [f32; 3], size: [f32; 3], rgb: [u8; 3]) -> Part {
-    Part::new(Shape::Cuboid { half_extents: 0.5 * Vec3::from(size) }, Pose3::from_translation(Vec3::from(center)), rgb)
+    Part::new(
+        Shape::Cuboid { half_extents: 0.5 * Vec3::from(size) },
+        Pose3::from_translation(Vec3::from(center)),
+        rgb,
+    )
 }
 
 /// An upright cylinder from its centre, radius and length.

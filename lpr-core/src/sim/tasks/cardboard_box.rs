@@ -5,7 +5,8 @@ use crate::scene::Part;
 use crate::sim::scene_spec::{BodyKind, JointKind, JointSpec};
 use glamx::{Pose3, Quat, Vec3};
 
-/// Tray: width x, depth y, height z. Published is a depth of 0.26, which leaves no room for a finger below the lid's edge.
+/// Tray: width x, depth y, height z. Published is a depth of 0.26, which leaves no room for a
+/// finger below the lid's edge.
 const TRAY: [f32; 3] = [0.36, 0.22, 0.148];
 const WALL: f32 = 0.01;
 /// Lid: width, depth, thickness.
@@ -31,13 +32,16 @@ impl Hinge {
         turn_about(self.0, Vec3::X, angle)
     }
 
-    /// The grip that holds the edge of a lid that is open by `angle` radians; `away` metres before that, on the way there.
+    /// The grip that holds the edge of a lid that is open by `angle` radians; `away` metres before
+    /// that, on the way there.
     pub(super) fn hold(self, angle: f32, away: f32) -> Pose3 {
         let edge = self.0 + Vec3::Y * (LID[1] - HOLD + away);
-        self.turn(angle) * Pose3::from_parts(edge, Quat::from_rotation_x(core::f32::consts::FRAC_PI_2))
+        self.turn(angle)
+            * Pose3::from_parts(edge, Quat::from_rotation_x(core::f32::consts::FRAC_PI_2))
     }
 
-    /// The grip that holds the lid's edge when it has come from one opening to the other, and those on the way.
+    /// The grip that holds the lid's edge when it has come from one opening to the other, and those
+    /// on the way.
     pub(super) fn arc(self, from: f32, to: f32) -> (Pose3, Vec<Pose3>) {
         arc_about(self.hold(from, 0.0), |share| self.turn(share * (to - from)))
     }
@@ -45,7 +49,8 @@ impl Hinge {
 
 /// Adds the box with its lid open by `start` radians; returns the index of the hinge.
 pub(super) fn cardboard_box(scene: &mut SceneBuilder, hinge: Hinge, start: f32) -> usize {
-    let tray = scene.body("box", BodyKind::Fixed, Vec3::new(hinge.0.x, hinge.0.y, 0.0), 0.0, tray_parts());
+    let tray =
+        scene.body("box", BodyKind::Fixed, Vec3::new(hinge.0.x, hinge.0.y, 0.0), 0.0, tray_parts());
     let middle = [0.0, 0.5 * LID[1], 0.0];
     let lid = scene.turned_body(
         "lid",

@@ -8,8 +8,11 @@ use core::f32::consts::FRAC_PI_8;
 use glamx::{Vec2, Vec3};
 
 /// Where a chest may stand.
-pub(super) const PLACEMENT: Placement =
-    Placement { center: Vec2::new(0.0, -0.32), half_range: Vec2::new(0.06, 0.12), max_yaw: FRAC_PI_8 };
+pub(super) const PLACEMENT: Placement = Placement {
+    center: Vec2::new(0.0, -0.32),
+    half_range: Vec2::new(0.06, 0.12),
+    max_yaw: FRAC_PI_8,
+};
 
 /// Frame: width x, depth y, height z; it stands on legs.
 const FRAME: [f32; 3] = [0.379, 0.383, 0.377];
@@ -32,13 +35,15 @@ const WOOD: [u8; 3] = [150, 105, 70];
 const DRAWER_RGB: [u8; 3] = [188, 146, 102];
 const METAL: [u8; 3] = [60, 60, 66];
 
-/// Adds the chest with `drawer` (an index of [`DRAWERS`]) pulled out by `pulled` metres; returns the index of that drawer's slide.
+/// Adds the chest with `drawer` (an index of [`DRAWERS`]) pulled out by `pulled` metres; returns
+/// the index of that drawer's slide.
 pub(super) fn chest(scene: &mut SceneBuilder, drawer: usize, pulled: f32) -> usize {
     let frame = scene.body("chest", BodyKind::Fixed, Vec3::ZERO, 0.0, frame_parts());
     let slides = DRAWERS.into_iter().zip(HANDLE_Z).enumerate().map(|(idx, (name, z))| {
         let name = format!("{name}_drawer");
         let start = if idx == drawer { pulled } else { 0.0 };
-        let drawer = scene.body(&name, BodyKind::Dynamic, Vec3::new(0.0, start, z), 0.34, drawer_parts());
+        let drawer =
+            scene.body(&name, BodyKind::Dynamic, Vec3::new(0.0, start, z), 0.34, drawer_parts());
         scene.joint(JointSpec {
             name: format!("{name}_slide"),
             kind: JointKind::Prismatic,

@@ -16,7 +16,11 @@ pub(super) static CLOSE_BOX: Task = Task {
     goal: "close the box",
     variations: &[],
     keyframes: 5,
-    placement: Placement { center: Vec2::new(-0.05, 0.06), half_range: Vec2::new(0.04, 0.05), max_yaw: FRAC_PI_8 },
+    placement: Placement {
+        center: Vec2::new(-0.05, 0.06),
+        half_range: Vec2::new(0.04, 0.05),
+        max_yaw: FRAC_PI_8,
+    },
     build,
 };
 

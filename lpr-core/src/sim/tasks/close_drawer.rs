@@ -16,8 +16,13 @@ pub(super) static CLOSE_DRAWER: Task = Task {
     goal: "push the {} drawer shut",
     variations: &chest::DRAWERS,
     keyframes: 2,
-    // Farther off than the drawer that is opened: the arm comes from the front of one that stands open.
-    placement: Placement { center: Vec2::new(0.05, -0.40), half_range: Vec2::new(0.08, 0.06), max_yaw: FRAC_PI_8 },
+    // Farther off than the drawer that is opened: the arm comes from the front of one that stands
+    // open.
+    placement: Placement {
+        center: Vec2::new(0.05, -0.40),
+        half_range: Vec2::new(0.08, 0.06),
+        max_yaw: FRAC_PI_8,
+    },
     build,
 };
 
@@ -25,15 +30,23 @@ pub(super) static CLOSE_DRAWER: Task = Task {
 const PULLED: f32 = 0.10;
 /// Push at which the task is done, metres.
 const PUSHED: f32 = 0.06;
-/// How far the demonstrator's grip goes beyond where the handle was, metres: the fingers reach a centimetre farther. At the
-/// published end the drawer would be pressed against its frame.
+/// How far the demonstrator's grip goes beyond where the handle was, metres: the fingers reach a
+/// centimetre farther. At the published end the drawer would be pressed against its frame.
 const SHORT_OF_END: f32 = 0.06;
 
 fn build(variation: usize, _: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(CLOSE_DRAWER.name);
     let slide = chest::chest(&mut scene, variation, PULLED);
     let z = HANDLE_Z[variation];
-    scene.waypoint(grip_pose([0.0, HANDLE_Y + PULLED + 0.0425, z], [90.0, 0.0, 0.0]), Gripper::Close, Motion::Free);
-    scene.waypoint(grip_pose([0.0, HANDLE_Y + PULLED - SHORT_OF_END, z], [90.0, 0.0, 0.0]), Gripper::Close, Motion::Linear);
+    scene.waypoint(
+        grip_pose([0.0, HANDLE_Y + PULLED + 0.0425, z], [90.0, 0.0, 0.0]),
+        Gripper::Close,
+        Motion::Free,
+    );
+    scene.waypoint(
+        grip_pose([0.0, HANDLE_Y + PULLED - SHORT_OF_END, z], [90.0, 0.0, 0.0]),
+        Gripper::Close,
+        Motion::Linear,
+    );
     scene.finish(vec![Condition::JointMoved { joint: slide, min: PUSHED }])
 }

@@ -19,7 +19,8 @@ pub(super) static CLOSE_GRILL: Task = Task {
     build,
 };
 
-/// Opening at the start, a little off the limit, and fall at which the task is done and at which the demonstrator stops, radians.
+/// Opening at the start, a little off the limit, and fall at which the task is done and at which
+/// the demonstrator stops, radians.
 const START: f32 = 57_f32.to_radians();
 const CLOSED: f32 = 50_f32.to_radians();
 const DEMONSTRATED: f32 = 54_f32.to_radians();

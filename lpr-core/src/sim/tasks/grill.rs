@@ -7,8 +7,11 @@ use core::f32::consts::FRAC_PI_2;
 use glamx::{Pose3, Vec2, Vec3};
 
 /// Where a grill may stand: its frame is in front of the lid's handle.
-pub(super) const PLACEMENT: Placement =
-    Placement { center: Vec2::new(-0.08, -0.05), half_range: Vec2::new(0.04, 0.08), max_yaw: FRAC_PI_2 };
+pub(super) const PLACEMENT: Placement = Placement {
+    center: Vec2::new(-0.08, -0.05),
+    half_range: Vec2::new(0.04, 0.08),
+    max_yaw: FRAC_PI_2,
+};
 
 /// The middle of the lid's bar when it is shut, metres.
 pub(super) const BAR: [f32; 3] = [0.081, -0.115, 0.316];
@@ -19,8 +22,9 @@ const BRAKE: f32 = 1.0;
 const LID_MASS: f32 = 0.66;
 /// Greatest opening, radians.
 const MOST: f32 = 60_f32.to_radians();
-/// Body: depth x, width y, height z; its middle along x. Published is a depth of 0.303 with whatever stands out in front: here the
-/// front lies 4 cm behind the bar, so that the lower finger finds room also half a voxel off.
+/// Body: depth x, width y, height z; its middle along x. Published is a depth of 0.303 with
+/// whatever stands out in front: here the front lies 4 cm behind the bar, so that the lower finger
+/// finds room also half a voxel off.
 const BODY: [f32; 3] = [0.27, 0.556, 0.298];
 const BODY_X: f32 = 0.256;
 /// Middle of the lid along x.
@@ -60,13 +64,16 @@ pub(super) fn grill(scene: &mut SceneBuilder, start: f32) -> usize {
     let from_hinge = |point: [f32; 3]| (Vec3::from(point) - HINGE).to_array();
     let lid_middle = [LID_X, HINGE.y, height + GAP + 0.5 * LID[2]];
     let lid_front = LID_X - 0.5 * LID[0];
-    let mut parts =
-        vec![cuboid(from_hinge(lid_middle), LID, LID_RGB), cylinder_y(from_hinge(BAR), BAR_RADIUS, BAR_LENGTH, STEEL)];
+    let mut parts = vec![
+        cuboid(from_hinge(lid_middle), LID, LID_RGB),
+        cylinder_y(from_hinge(BAR), BAR_RADIUS, BAR_LENGTH, STEEL),
+    ];
     for side in [-1.0, 1.0] {
         let post = [0.5 * (BAR[0] + lid_front), BAR[1] + side * 0.5 * (BAR_LENGTH - 0.008), BAR[2]];
         parts.push(cuboid(from_hinge(post), [lid_front - BAR[0], 0.008, 0.008], STEEL));
     }
-    let lid = scene.turned_body("lid", turn(start) * Pose3::from_translation(HINGE), LID_MASS, parts);
+    let lid =
+        scene.turned_body("lid", turn(start) * Pose3::from_translation(HINGE), LID_MASS, parts);
     scene.joint(JointSpec {
         name: "lid_hinge".to_owned(),
         kind: JointKind::Revolute,

@@ -1,7 +1,8 @@
 //! The tasks: each one small file of data and plain functions.
 //!
-//! Geometry, limits, randomisation and success conditions are those published for `RLBench`'s tasks of the same name; the scenes
-//! are our own, made of primitives. A task is built in its own frame (origin on the table, z up) and then placed.
+//! Geometry, limits, randomisation and success conditions are those published for `RLBench`'s tasks
+//! of the same name; the scenes are our own, made of primitives. A task is built in its own frame
+//! (origin on the table, z up) and then placed.
 
 mod builder;
 mod cardboard_box;
@@ -43,7 +44,8 @@ pub enum TaskSet {
     One,
     /// Task Set 2: particular motions are needed.
     Two,
-    /// None of the two: further doors and slides, and the two tasks that the paper shows on the real arm.
+    /// None of the two: further doors and slides, and the two tasks that the paper shows on the
+    /// real arm.
     Extra,
 }
 
@@ -54,7 +56,8 @@ pub struct Task {
     pub name: &'static str,
     /// Task set of the paper.
     pub set: TaskSet,
-    /// The goal in a sentence, with `{}` where the variations differ; [`Task::describe`] fills it in.
+    /// The goal in a sentence, with `{}` where the variations differ; [`Task::describe`] fills it
+    /// in.
     pub goal: &'static str,
     /// Names of the variations; none when there is only one.
     pub variations: &'static [&'static str],
@@ -62,7 +65,8 @@ pub struct Task {
     pub keyframes: usize,
     /// How the task is placed on the table.
     pub placement: Placement,
-    /// Builds the scene of a variation (an index of `variations`, or 0) and the demonstrator's waypoints in the task frame.
+    /// Builds the scene of a variation (an index of `variations`, or 0) and the demonstrator's
+    /// waypoints in the task frame.
     pub build: fn(usize, &mut Rng) -> TaskScene,
 }
 
@@ -183,7 +187,14 @@ impl Task {
         if variation < count {
             return Ok(());
         }
-        let known = if self.variations.is_empty() { "only 0".to_owned() } else { format!("0 to {}", count - 1) };
-        Err(Error::Environment(format!("task '{}' has no variation {variation}: {known}", self.name)))
+        let known = if self.variations.is_empty() {
+            "only 0".to_owned()
+        } else {
+            format!("0 to {}", count - 1)
+        };
+        Err(Error::Environment(format!(
+            "task '{}' has no variation {variation}: {known}",
+            self.name
+        )))
     }
 }

@@ -16,7 +16,11 @@ pub(super) static OPEN_BOX: Task = Task {
     goal: "open the box",
     variations: &[],
     keyframes: 3,
-    placement: Placement { center: Vec2::new(0.0, 0.11), half_range: Vec2::new(0.06, 0.08), max_yaw: FRAC_PI_8 },
+    placement: Placement {
+        center: Vec2::new(0.0, 0.11),
+        half_range: Vec2::new(0.06, 0.08),
+        max_yaw: FRAC_PI_8,
+    },
     build,
 };
 

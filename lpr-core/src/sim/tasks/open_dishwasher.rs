@@ -1,5 +1,6 @@
-//! Open a toy dishwasher: a door hinged at its lower edge. The second of the paper's two tasks on the real arm, with dimensions of
-//! our own; it stands where it stands, as the toy kitchen of the paper did.
+//! Open a toy dishwasher: a door hinged at its lower edge. The second of the paper's two tasks on
+//! the real arm, with dimensions of our own; it stands where it stands, as the toy kitchen of the
+//! paper did.
 
 use super::builder::{SceneBuilder, arc_about, cuboid, cylinder_y, grip_pose, turn_about};
 use super::{Motion, Placement, Task, TaskScene, TaskSet};
@@ -37,7 +38,8 @@ const BAR_LENGTH: f32 = 0.12;
 /// Opening at which the task is done, and at which the demonstrator stops, radians.
 const OPEN: f32 = 60_f32.to_radians();
 const DEMONSTRATED: f32 = 66_f32.to_radians();
-/// The hand looks this far down when it takes the bar, degrees; while the door opens it turns less than the door, and the bar in it.
+/// The hand looks this far down when it takes the bar, degrees; while the door opens it turns less
+/// than the door, and the bar in it.
 const HAND_PITCH: f32 = 30.0;
 const HAND_TURN: f32 = 10_f32.to_radians();
 /// How far from the bar the hand begins, metres.

@@ -1,6 +1,8 @@
 //! Open a door: its lever unlatches it, then it is pushed away.
 
-use super::builder::{SceneBuilder, arc_about, cuboid, cylinder_x, cylinder_y, grip_pose, turn_about};
+use super::builder::{
+    SceneBuilder, arc_about, cuboid, cylinder_x, cylinder_y, grip_pose, turn_about,
+};
 use super::{Motion, Placement, Task, TaskScene, TaskSet};
 use crate::rng::Rng;
 use crate::robot::Gripper;
@@ -16,7 +18,11 @@ pub(super) static OPEN_DOOR: Task = Task {
     goal: "turn the lever and push the door open",
     variations: &[],
     keyframes: 4,
-    placement: Placement { center: Vec2::new(0.05, 0.0), half_range: Vec2::new(0.05, 0.10), max_yaw: FRAC_PI_4 },
+    placement: Placement {
+        center: Vec2::new(0.05, 0.0),
+        half_range: Vec2::new(0.05, 0.10),
+        max_yaw: FRAC_PI_4,
+    },
     build,
 };
 
@@ -96,9 +102,11 @@ fn build(_: usize, _: &mut Rng) -> TaskScene {
     let approach = grip_pose((held - Vec3::X * APPROACH).to_array(), hand) * upright();
     scene.waypoint(approach, Gripper::Open, Motion::Free);
     scene.waypoint(grasp, Gripper::Close, Motion::Linear);
-    let (turned, arc) = arc_about(grasp, |share| turn_about(AXLE, Vec3::X, share * LEVER_DEMONSTRATED));
+    let (turned, arc) =
+        arc_about(grasp, |share| turn_about(AXLE, Vec3::X, share * LEVER_DEMONSTRATED));
     scene.waypoint(turned, Gripper::Close, Motion::Through(arc));
-    let (end, arc) = arc_about(turned, |share| turn_about(HINGE, Vec3::NEG_Z, share * DEMONSTRATED));
+    let (end, arc) =
+        arc_about(turned, |share| turn_about(HINGE, Vec3::NEG_Z, share * DEMONSTRATED));
     scene.waypoint(end, Gripper::Close, Motion::Through(arc));
     scene.finish(vec![Condition::JointMoved { joint: hinge, min: OPEN }])
 }

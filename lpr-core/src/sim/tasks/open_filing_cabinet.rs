@@ -1,4 +1,5 @@
-//! Open the upper drawer of a filing cabinet: the first of the paper's two tasks on the real arm, with dimensions of our own.
+//! Open the upper drawer of a filing cabinet: the first of the paper's two tasks on the real arm,
+//! with dimensions of our own.
 
 use super::builder::{SceneBuilder, cuboid, cylinder_y, grip_pose};
 use super::{Motion, Placement, Task, TaskScene, TaskSet};
@@ -16,7 +17,11 @@ pub(super) static OPEN_FILING_CABINET: Task = Task {
     goal: "open the upper drawer of the filing cabinet",
     variations: &[],
     keyframes: 3,
-    placement: Placement { center: Vec2::new(0.17, 0.0), half_range: Vec2::new(0.06, 0.15), max_yaw: FRAC_PI_8 },
+    placement: Placement {
+        center: Vec2::new(0.17, 0.0),
+        half_range: Vec2::new(0.06, 0.15),
+        max_yaw: FRAC_PI_8,
+    },
     build,
 };
 
@@ -50,7 +55,13 @@ fn build(_: usize, _: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(OPEN_FILING_CABINET.name);
     let cabinet = scene.body("cabinet", BodyKind::Fixed, Vec3::ZERO, 0.0, cabinet_parts());
     let slides = ["lower_drawer", "upper_drawer"].into_iter().zip(DRAWER_Z).map(|(name, z)| {
-        let drawer = scene.body(name, BodyKind::Dynamic, Vec3::new(0.0, 0.0, z), DRAWER_MASS, drawer_parts());
+        let drawer = scene.body(
+            name,
+            BodyKind::Dynamic,
+            Vec3::new(0.0, 0.0, z),
+            DRAWER_MASS,
+            drawer_parts(),
+        );
         scene.joint(JointSpec {
             name: format!("{name}_slide"),
             kind: JointKind::Prismatic,

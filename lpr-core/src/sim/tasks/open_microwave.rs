@@ -16,7 +16,11 @@ pub(super) static OPEN_MICROWAVE: Task = Task {
     goal: "open the microwave",
     variations: &[],
     keyframes: 3,
-    placement: Placement { center: Vec2::new(-0.03, 0.04), half_range: Vec2::new(0.05, 0.05), max_yaw: FRAC_PI_8 },
+    placement: Placement {
+        center: Vec2::new(-0.03, 0.04),
+        half_range: Vec2::new(0.05, 0.05),
+        max_yaw: FRAC_PI_8,
+    },
     build,
 };
 
@@ -72,7 +76,11 @@ fn build(_: usize, _: &mut Rng) -> TaskScene {
     // The hand looks along +y, its fingers left and right of the bar.
     let hand = [22.0, 90.0, 112.0];
     let grasp = grip_pose(BAR, hand);
-    scene.waypoint(grip_pose([BAR[0], BAR[1] - APPROACH, BAR[2]], hand), Gripper::Open, Motion::Free);
+    scene.waypoint(
+        grip_pose([BAR[0], BAR[1] - APPROACH, BAR[2]], hand),
+        Gripper::Open,
+        Motion::Free,
+    );
     scene.waypoint(grasp, Gripper::Close, Motion::Linear);
     let (end, arc) = arc_about(grasp, |share| turn_about(HINGE, Vec3::NEG_Z, share * DEMONSTRATED));
     scene.waypoint(end, Gripper::Close, Motion::Through(arc));

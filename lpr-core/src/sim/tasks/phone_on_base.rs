@@ -23,7 +23,8 @@ pub(super) static PHONE_ON_BASE: Task = Task {
 /// Base: length x, depth y, height z; its recess lies along x at `RECESS_Y`.
 const BASE: [f32; 3] = [0.282, 0.203, 0.05];
 const RECESS_Y: f32 = 0.058;
-/// Width of the recess. Published is 0.0675, two millimetres wider than the handset: no pose on a grid of voxels finds that.
+/// Width of the recess. Published is 0.0675, two millimetres wider than the handset: no pose on a
+/// grid of voxels finds that.
 const RECESS: f32 = 0.082;
 const RECESS_FLOOR: f32 = 0.02;
 /// Handset: length, width, height of its two ends; width and height of the handle between them.
@@ -41,9 +42,16 @@ const HANDSET_RGB: [u8; 3] = [196, 52, 44];
 fn build(_: usize, _: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(PHONE_ON_BASE.name);
     let [length, depth, height] = BASE;
-    let mut parts = vec![cuboid([0.0, 0.0, 0.5 * RECESS_FLOOR], [length, depth, RECESS_FLOOR], BAKELITE)];
-    for [from, to] in [[-0.5 * depth, RECESS_Y - 0.5 * RECESS], [RECESS_Y + 0.5 * RECESS, 0.5 * depth]] {
-        parts.push(cuboid([0.0, 0.5 * (from + to), 0.5 * height], [length, to - from, height], BAKELITE));
+    let mut parts =
+        vec![cuboid([0.0, 0.0, 0.5 * RECESS_FLOOR], [length, depth, RECESS_FLOOR], BAKELITE)];
+    for [from, to] in
+        [[-0.5 * depth, RECESS_Y - 0.5 * RECESS], [RECESS_Y + 0.5 * RECESS, 0.5 * depth]]
+    {
+        parts.push(cuboid(
+            [0.0, 0.5 * (from + to), 0.5 * height],
+            [length, to - from, height],
+            BAKELITE,
+        ));
     }
     scene.body("base", BodyKind::Fixed, Vec3::ZERO, 0.0, parts);
     let pose = Pose3::from_translation(HANDSET_AT.extend(0.5 * HANDSET[2]));
@@ -59,7 +67,10 @@ fn build(_: usize, _: &mut Rng) -> TaskScene {
     scene.waypoint(down(RECESS_Y, released), Gripper::Open, Motion::Linear);
     let place = Vec3::new(0.0, RECESS_Y, RECESS_FLOOR + 0.5 * HANDSET[2]);
     let zone = Zone::Cuboid { pose: Pose3::from_translation(place), half_extents: NEAR };
-    scene.finish(vec![Condition::BodyInZone { body: handset, point: Vec3::ZERO, zone }, Condition::NothingGrasped])
+    scene.finish(vec![
+        Condition::BodyInZone { body: handset, point: Vec3::ZERO, zone },
+        Condition::NothingGrasped,
+    ])
 }
 
 /// Two ends, and the handle flush with their upper sides.
@@ -70,6 +81,10 @@ fn handset_parts() -> Vec<Part> {
     vec![
         cuboid([end, 0.0, 0.0], [END_LENGTH, width, height], HANDSET_RGB),
         cuboid([-end, 0.0, 0.0], [END_LENGTH, width, height], HANDSET_RGB),
-        cuboid([0.0, 0.0, 0.5 * (height - handle_height)], [length - 2.0 * END_LENGTH, handle_width, handle_height], HANDSET_RGB),
+        cuboid(
+            [0.0, 0.0, 0.5 * (height - handle_height)],
+            [length - 2.0 * END_LENGTH, handle_width, handle_height],
+            HANDSET_RGB,
+        ),
     ]
 }

@@ -33,7 +33,8 @@ const REACH: f32 = 0.05;
 
 const MARKER_RGB: [u8; 3] = [240, 170, 160];
 /// Colours of the variations; the distractors have two of the others.
-const COLORS: [[u8; 3]; 6] = [[215, 40, 36], [40, 160, 60], [40, 80, 210], [230, 200, 40], [150, 60, 180], [40, 180, 190]];
+const COLORS: [[u8; 3]; 6] =
+    [[215, 40, 36], [40, 160, 60], [40, 80, 210], [230, 200, 40], [150, 60, 180], [40, 180, 190]];
 
 fn build(variation: usize, rng: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(PICK_AND_LIFT.name);
@@ -44,20 +45,29 @@ fn build(variation: usize, rng: &mut Rng) -> TaskScene {
         // A quarter turn changes nothing but the hand's way there.
         let turn = Quat::from_rotation_z(FRAC_PI_4 * (2.0 * rng.random::<f32>() - 1.0));
         let pose = Pose3::from_parts(spots.draw(rng).extend(0.5 * SIDE), turn);
-        cubes.push((scene.graspable_body(name, pose, MASS, vec![cuboid([0.0; 3], [SIDE; 3], rgb)]), pose));
+        cubes.push((
+            scene.graspable_body(name, pose, MASS, vec![cuboid([0.0; 3], [SIDE; 3], rgb)]),
+            pose,
+        ));
     }
     let marker = spots.draw(rng).extend(MARKER_HEIGHT);
     let ball = Part::new(Shape::Sphere { radius: MARKER_RADIUS }, Pose3::IDENTITY, MARKER_RGB);
     scene.body("marker", BodyKind::Visual, marker, 0.0, vec![ball]);
     let (cube, pose) = cubes[0];
-    let at =
-        |height: f32| pose * Pose3::from_translation(Vec3::Z * (height - 0.5 * SIDE)) * grip_pose([0.0; 3], [180.0, 0.0, 0.0]);
+    let at = |height: f32| {
+        pose * Pose3::from_translation(Vec3::Z * (height - 0.5 * SIDE))
+            * grip_pose([0.0; 3], [180.0, 0.0, 0.0])
+    };
     scene.waypoint(at(0.097), Gripper::Open, Motion::Free);
     scene.waypoint(at(0.026), Gripper::Close, Motion::Linear);
     scene.waypoint(at(0.097), Gripper::Close, Motion::Linear);
     let mut goal = at(0.0);
     goal.translation = marker;
     scene.waypoint(goal, Gripper::Close, Motion::Linear);
-    let zone = Zone::Cuboid { pose: Pose3::from_translation(marker), half_extents: Vec3::splat(REACH) };
-    scene.finish(vec![Condition::Grasped { body: cube }, Condition::BodyInZone { body: cube, point: Vec3::ZERO, zone }])
+    let zone =
+        Zone::Cuboid { pose: Pose3::from_translation(marker), half_extents: Vec3::splat(REACH) };
+    scene.finish(vec![
+        Condition::Grasped { body: cube },
+        Condition::BodyInZone { body: cube, point: Vec3::ZERO, zone },
+    ])
 }

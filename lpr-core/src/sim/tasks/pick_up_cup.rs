@@ -23,14 +23,16 @@ const RADIUS: f32 = 0.0465;
 const HEIGHT: f32 = 0.147;
 const WALL: f32 = 0.006;
 const MASS: f32 = 0.053;
-/// Cups stand in a rectangle of these sides, this far apart, metres: two hands' widths, as one finger goes around the rim.
+/// Cups stand in a rectangle of these sides, this far apart, metres: two hands' widths, as one
+/// finger goes around the rim.
 const REGION: Vec2 = Vec2::new(0.4, 0.6);
 const MIN_DISTANCE: f32 = 0.16;
 /// Middle of the wall where it is grasped.
 const RIM: f32 = RADIUS - 0.5 * WALL;
 
 /// Colours of the variations; the other cup has one of the others.
-const COLORS: [[u8; 3]; 6] = [[215, 40, 36], [40, 160, 60], [40, 80, 210], [230, 200, 40], [150, 60, 180], [240, 240, 240]];
+const COLORS: [[u8; 3]; 6] =
+    [[215, 40, 36], [40, 160, 60], [40, 80, 210], [230, 200, 40], [150, 60, 180], [240, 240, 240]];
 
 fn build(variation: usize, rng: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(PICK_UP_CUP.name);
@@ -49,6 +51,12 @@ fn build(variation: usize, rng: &mut Rng) -> TaskScene {
     scene.waypoint(down(0.19), Gripper::Open, Motion::Free);
     scene.waypoint(down(0.128), Gripper::Close, Motion::Linear);
     scene.waypoint(down(0.379), Gripper::Close, Motion::Linear);
-    let zone = Zone::Cuboid { pose: Pose3::from_translation(at), half_extents: Vec3::new(0.05, 0.05, 0.025) };
-    scene.finish(vec![Condition::Grasped { body: cup }, Condition::BodyOutsideZone { body: cup, point: Vec3::ZERO, zone }])
+    let zone = Zone::Cuboid {
+        pose: Pose3::from_translation(at),
+        half_extents: Vec3::new(0.05, 0.05, 0.025),
+    };
+    scene.finish(vec![
+        Condition::Grasped { body: cup },
+        Condition::BodyOutsideZone { body: cup, point: Vec3::ZERO, zone },
+    ])
 }

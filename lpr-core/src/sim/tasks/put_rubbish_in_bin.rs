@@ -17,7 +17,11 @@ pub(super) static PUT_RUBBISH_IN_BIN: Task = Task {
     goal: "put the rubbish in the bin",
     variations: &[],
     keyframes: 4,
-    placement: Placement { center: Vec2::new(-0.05, 0.10), half_range: Vec2::new(0.06, 0.06), max_yaw: PI },
+    placement: Placement {
+        center: Vec2::new(-0.05, 0.10),
+        half_range: Vec2::new(0.06, 0.06),
+        max_yaw: PI,
+    },
     build,
 };
 
@@ -44,9 +48,16 @@ fn build(_: usize, rng: &mut Rng) -> TaskScene {
     spots.swap(1, rng.random_range(1..3));
     let [x, y] = spots[0];
     let pose = Pose3::from_translation(Vec3::new(x, y, 0.5 * RUBBISH[2]));
-    let rubbish = scene.graspable_body("rubbish", pose, RUBBISH_MASS, vec![cuboid([0.0; 3], RUBBISH, PAPER)]);
+    let rubbish =
+        scene.graspable_body("rubbish", pose, RUBBISH_MASS, vec![cuboid([0.0; 3], RUBBISH, PAPER)]);
     for (name, [x, y]) in [("tomato0", spots[1]), ("tomato1", spots[2])] {
-        scene.body(name, BodyKind::Fixed, Vec3::new(x, y, TOMATO_RADIUS), 0.0, vec![ball([0.0; 3], TOMATO_RADIUS, TOMATO)]);
+        scene.body(
+            name,
+            BodyKind::Fixed,
+            Vec3::new(x, y, TOMATO_RADIUS),
+            0.0,
+            vec![ball([0.0; 3], TOMATO_RADIUS, TOMATO)],
+        );
     }
     let down = [180.0, 0.0, 0.0];
     scene.waypoint(grip_pose([x, y, 0.097], down), Gripper::Open, Motion::Free);

@@ -27,8 +27,15 @@ const REGION: [f32; 3] = [0.5, 0.7, 0.5];
 const MIN_DISTANCE: f32 = 0.2;
 
 /// Colours of the variations; the distractors have two of the others.
-const COLORS: [[u8; 3]; 7] =
-    [[225, 30, 30], [40, 160, 60], [40, 80, 210], [230, 200, 40], [150, 60, 180], [40, 180, 190], [240, 240, 240]];
+const COLORS: [[u8; 3]; 7] = [
+    [225, 30, 30],
+    [40, 160, 60],
+    [40, 80, 210],
+    [230, 200, 40],
+    [150, 60, 180],
+    [40, 180, 190],
+    [240, 240, 240],
+];
 
 fn build(variation: usize, rng: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(REACH_TARGET.name);
@@ -44,7 +51,9 @@ fn build(variation: usize, rng: &mut Rng) -> TaskScene {
         }
     }
     let colours = target_and_distractors(&COLORS, variation, rng);
-    for (name, (center, rgb)) in ["target", "distractor0", "distractor1"].into_iter().zip(centers.iter().zip(colours)) {
+    for (name, (center, rgb)) in
+        ["target", "distractor0", "distractor1"].into_iter().zip(centers.iter().zip(colours))
+    {
         let ball = Part::new(Shape::Sphere { radius: RADIUS }, Pose3::IDENTITY, rgb);
         scene.body(name, BodyKind::Visual, *center, 0.0, vec![ball]);
     }

@@ -27,7 +27,8 @@ const BLOCK_AT: [f32; 2] = [0.025, -0.025];
 const TARGET_AT: [f32; 2] = [0.025, 0.15];
 /// The block has to touch a cube of this side in the middle of the target.
 const SENSOR: f32 = 0.01;
-/// Half the depth of the pushing hand, fingers closed: how far its pads' edge is from the grip, metres.
+/// Half the depth of the pushing hand, fingers closed: how far its pads' edge is from the grip,
+/// metres.
 const HAND: f32 = 0.011;
 
 const BLOCK_RGB: [u8; 3] = [200, 60, 50];
@@ -40,11 +41,20 @@ fn build(_: usize, _: &mut Rng) -> TaskScene {
     scene.body("target", BodyKind::Visual, Vec3::new(x, y, 0.0005), 0.0, square);
     let [block_x, block_y] = BLOCK_AT;
     let cube = vec![cuboid([0.0; 3], [SIDE; 3], BLOCK_RGB)];
-    let block = scene.body("block", BodyKind::Dynamic, Vec3::new(block_x, block_y, 0.5 * SIDE), MASS, cube);
+    let block =
+        scene.body("block", BodyKind::Dynamic, Vec3::new(block_x, block_y, 0.5 * SIDE), MASS, cube);
     // The broad side of the closed fingers pushes.
     let hand = [180.0, 0.0, -90.0];
-    scene.waypoint(grip_pose([block_x, block_y - 0.102, 0.027], hand), Gripper::Close, Motion::Free);
-    scene.waypoint(grip_pose([x, y - 0.5 * SIDE - HAND, 0.027], hand), Gripper::Close, Motion::Linear);
+    scene.waypoint(
+        grip_pose([block_x, block_y - 0.102, 0.027], hand),
+        Gripper::Close,
+        Motion::Free,
+    );
+    scene.waypoint(
+        grip_pose([x, y - 0.5 * SIDE - HAND, 0.027], hand),
+        Gripper::Close,
+        Motion::Linear,
+    );
     let half_extents = Vec3::new(0.5 * (SIDE + SENSOR), 0.5 * (SIDE + SENSOR), SIDE);
     let zone = Zone::Cuboid { pose: Pose3::from_translation(Vec3::new(x, y, 0.0)), half_extents };
     scene.finish(vec![Condition::BodyInZone { body: block, point: Vec3::ZERO, zone }])

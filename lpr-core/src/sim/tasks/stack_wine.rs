@@ -16,7 +16,11 @@ pub(super) static STACK_WINE: Task = Task {
     goal: "put the wine bottle on the rack",
     variations: &[],
     keyframes: 5,
-    placement: Placement { center: Vec2::new(-0.08, -0.02), half_range: Vec2::new(0.05, 0.05), max_yaw: FRAC_PI_4 },
+    placement: Placement {
+        center: Vec2::new(-0.08, -0.02),
+        half_range: Vec2::new(0.05, 0.05),
+        max_yaw: FRAC_PI_4,
+    },
     build,
 };
 
@@ -43,9 +47,13 @@ const WOOD: [u8; 3] = [172, 126, 82];
 fn build(_: usize, _: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(STACK_WINE.name);
     scene.body("rack", BodyKind::Fixed, RACK_AT.extend(0.0), 0.0, rack_parts());
-    let bottle = scene.graspable_body("bottle", Pose3::from_translation(BOTTLE_AT), MASS, bottle_parts());
+    let bottle =
+        scene.graspable_body("bottle", Pose3::from_translation(BOTTLE_AT), MASS, bottle_parts());
     // The neck is held from the robot's side, the fingers left and right of it.
-    let grasp = Pose3::from_parts(BOTTLE_AT + Vec3::Z * HOLD, grip_pose([0.0; 3], [0.0, 90.0, 0.0]).rotation);
+    let grasp = Pose3::from_parts(
+        BOTTLE_AT + Vec3::Z * HOLD,
+        grip_pose([0.0; 3], [0.0, 90.0, 0.0]).rotation,
+    );
     let shifted = |by: Vec3| Pose3::from_translation(by) * grasp;
     scene.waypoint(shifted(Vec3::X * -0.06), Gripper::Open, Motion::Free);
     scene.waypoint(grasp, Gripper::Close, Motion::Linear);
@@ -56,8 +64,15 @@ fn build(_: usize, _: &mut Rng) -> TaskScene {
     let neck = middle - Vec3::Y * (HOLD - 0.5 * BODY[1]);
     let placed = Pose3::from_parts(neck, lying * grasp.rotation);
     scene.waypoint(Pose3::from_translation(Vec3::Z * 0.06) * placed, Gripper::Close, Motion::Free);
-    scene.waypoint(Pose3::from_translation(Vec3::Z * 0.006) * placed, Gripper::Open, Motion::Linear);
-    let zone = Zone::Cuboid { pose: Pose3::from_translation(middle), half_extents: Vec3::new(0.03, 0.08, 0.03) };
+    scene.waypoint(
+        Pose3::from_translation(Vec3::Z * 0.006) * placed,
+        Gripper::Open,
+        Motion::Linear,
+    );
+    let zone = Zone::Cuboid {
+        pose: Pose3::from_translation(middle),
+        half_extents: Vec3::new(0.03, 0.08, 0.03),
+    };
     let point = Vec3::Z * 0.5 * BODY[1];
     scene.finish(vec![Condition::BodyInZone { body: bottle, point, zone }])
 }
@@ -73,8 +88,16 @@ fn bottle_parts() -> Vec<Part> {
 fn rack_parts() -> Vec<Part> {
     let half = 0.5 * ROD_LENGTH;
     let width = 3.0 * ROD_SPACING + 0.04;
-    let mut parts: Vec<_> =
-        (0..4).map(|rod| cylinder_y([(rod as f32 - 1.5) * ROD_SPACING, 0.0, ROD_HEIGHT], ROD_RADIUS, ROD_LENGTH, WOOD)).collect();
+    let mut parts: Vec<_> = (0..4)
+        .map(|rod| {
+            cylinder_y(
+                [(rod as f32 - 1.5) * ROD_SPACING, 0.0, ROD_HEIGHT],
+                ROD_RADIUS,
+                ROD_LENGTH,
+                WOOD,
+            )
+        })
+        .collect();
     for y in [-half, half] {
         parts.push(cuboid([0.0, y, 0.5 * ROD_HEIGHT], [width, 0.01, ROD_HEIGHT], WOOD));
     }

@@ -40,7 +40,10 @@ fn build(_: usize, _: &mut Rng) -> TaskScene {
         BodyKind::Fixed,
         Vec3::ZERO,
         0.0,
-        vec![cylinder_z([0.0, 0.0, 0.5 * RIM], PAN_RADIUS, RIM, STEEL), cuboid([0.215, 0.0, 0.055], [0.21, 0.028, 0.016], BLACK)],
+        vec![
+            cylinder_z([0.0, 0.0, 0.5 * RIM], PAN_RADIUS, RIM, STEEL),
+            cuboid([0.215, 0.0, 0.055], [0.21, 0.028, 0.016], BLACK),
+        ],
     );
     let disc = RIM + GAP + 0.5 * LID_THICKNESS;
     let knob = 0.5 * (LID_THICKNESS + KNOB_HEIGHT);
@@ -55,14 +58,25 @@ fn build(_: usize, _: &mut Rng) -> TaskScene {
         ],
     );
     let inside = Vec3::new(0.0, 0.0, RIM + 0.5 * GAP);
-    scene.body("inside", BodyKind::Visual, inside, 0.0, vec![cylinder_z([0.0; 3], PAN_RADIUS - 0.004, 0.5 * GAP, BLACK)]);
+    scene.body(
+        "inside",
+        BodyKind::Visual,
+        inside,
+        0.0,
+        vec![cylinder_z([0.0; 3], PAN_RADIUS - 0.004, 0.5 * GAP, BLACK)],
+    );
     // The pads' lower edge stays above the lid.
     let down = [180.0, 0.0, 0.0];
     scene.waypoint(grip_pose([0.0, 0.0, 0.152], down), Gripper::Open, Motion::Free);
     scene.waypoint(grip_pose([0.0, 0.0, 0.104], down), Gripper::Close, Motion::Linear);
     scene.waypoint(grip_pose([0.0, 0.0, 0.222], down), Gripper::Close, Motion::Linear);
-    let zone =
-        Zone::Cuboid { pose: Pose3::from_translation(Vec3::new(0.0, 0.0, 0.216)), half_extents: Vec3::new(0.05, 0.05, 0.025) };
+    let zone = Zone::Cuboid {
+        pose: Pose3::from_translation(Vec3::new(0.0, 0.0, 0.216)),
+        half_extents: Vec3::new(0.05, 0.05, 0.025),
+    };
     let point = Vec3::new(0.0, 0.0, knob);
-    scene.finish(vec![Condition::Grasped { body: lid }, Condition::BodyInZone { body: lid, point, zone }])
+    scene.finish(vec![
+        Condition::Grasped { body: lid },
+        Condition::BodyInZone { body: lid, point, zone },
+    ])
 }

@@ -49,11 +49,15 @@ fn build(_: usize, _: &mut Rng) -> TaskScene {
     scene.waypoint(grip_pose([0.0, 0.0, CROOK_TOP + 0.045], down), Gripper::Open, Motion::Free);
     scene.waypoint(grip_pose(grasp, down), Gripper::Close, Motion::Linear);
     scene.waypoint(grip_pose([0.0, 0.0, 0.482], down), Gripper::Close, Motion::Linear);
-    let zone = Zone::Cuboid { pose: Pose3::from_translation(Vec3::Z * 0.08), half_extents: Vec3::new(0.04, 0.04, 0.12) };
+    let zone = Zone::Cuboid {
+        pose: Pose3::from_translation(Vec3::Z * 0.08),
+        half_extents: Vec3::new(0.04, 0.04, 0.12),
+    };
     scene.finish(vec![Condition::BodyOutsideZone { body: umbrella, point: Vec3::Z * 0.05, zone }])
 }
 
-/// Cloth around the stick, the stick, and the crook: a bar across its top with an end that hangs down.
+/// Cloth around the stick, the stick, and the crook: a bar across its top with an end that hangs
+/// down.
 fn umbrella_parts() -> Vec<Part> {
     let top = CROOK_TOP - TIP;
     vec![

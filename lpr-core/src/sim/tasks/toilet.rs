@@ -47,10 +47,21 @@ pub(super) fn toilet(scene: &mut SceneBuilder, hinge: &Hinge) -> usize {
             cuboid([0.0, -0.22, 0.20], [0.24, 0.12, 0.40], PORCELAIN),
         ],
     );
-    scene.body("water", BodyKind::Visual, Vec3::new(0.0, 0.05, BOWL_TOP), 0.0, vec![cylinder_z([0.0; 3], 0.085, 0.001, WATER)]);
+    scene.body(
+        "water",
+        BodyKind::Visual,
+        Vec3::new(0.0, 0.05, BOWL_TOP),
+        0.0,
+        vec![cylinder_z([0.0; 3], 0.085, 0.001, WATER)],
+    );
     let center = Vec3::new(0.0, 0.5 * SEAT[1], 0.0);
     let slab = vec![cuboid(center.to_array(), SEAT, SEAT_RGB)];
-    let seat = scene.turned_body("seat", hinge.turn(hinge.start) * Pose3::from_translation(hinge.anchor), SEAT_MASS, slab);
+    let seat = scene.turned_body(
+        "seat",
+        hinge.turn(hinge.start) * Pose3::from_translation(hinge.anchor),
+        SEAT_MASS,
+        slab,
+    );
     scene.joint(JointSpec {
         name: "seat_hinge".to_owned(),
         kind: JointKind::Revolute,

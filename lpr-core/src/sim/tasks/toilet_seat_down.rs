@@ -16,7 +16,11 @@ pub(super) static TOILET_SEAT_DOWN: Task = Task {
     goal: "put the toilet seat down",
     variations: &[],
     keyframes: 3,
-    placement: Placement { center: Vec2::new(-0.06, -0.19), half_range: Vec2::new(0.04, 0.05), max_yaw: FRAC_PI_4 },
+    placement: Placement {
+        center: Vec2::new(-0.06, -0.19),
+        half_range: Vec2::new(0.04, 0.05),
+        max_yaw: FRAC_PI_4,
+    },
     build,
 };
 
@@ -29,7 +33,10 @@ fn build(_: usize, _: &mut Rng) -> TaskScene {
     let mut scene = SceneBuilder::new(TOILET_SEAT_DOWN.name);
     let hinge = toilet(&mut scene, &HINGE);
     // The gripper's narrow side faces the seat, which the published pose would stand in.
-    let hand = |position, roll| grip_pose(position, [roll, 0.0, 0.0]) * Pose3::from_rotation(Quat::from_rotation_z(FRAC_PI_2));
+    let hand = |position, roll| {
+        grip_pose(position, [roll, 0.0, 0.0])
+            * Pose3::from_rotation(Quat::from_rotation_z(FRAC_PI_2))
+    };
     scene.waypoint(hand([0.0, -0.130, 0.480], 180.0), Gripper::Close, Motion::Free);
     scene.waypoint(hand([0.0, -0.011, 0.466], 180.0), Gripper::Close, Motion::Linear);
     scene.waypoint(hand([0.0, 0.114, 0.413], 145.0), Gripper::Open, Motion::Linear);

@@ -16,14 +16,19 @@ pub(super) static TOILET_SEAT_UP: Task = Task {
     goal: "lift the toilet seat up",
     variations: &[],
     keyframes: 3,
-    placement: Placement { center: Vec2::new(-0.04, -0.06), half_range: Vec2::new(0.08, 0.15), max_yaw: FRAC_PI_4 },
+    placement: Placement {
+        center: Vec2::new(-0.04, -0.06),
+        half_range: Vec2::new(0.08, 0.15),
+        max_yaw: FRAC_PI_4,
+    },
     build,
 };
 
 const HINGE: Hinge = Hinge { anchor: Vec3::new(-0.006, -0.059, 0.2365), start: 0.0, most: 1.658 };
 /// Opening at which the task is done, radians.
 const OPEN: f32 = 1.40;
-/// Opening at which the demonstrator stops: the published arc ends with the hand at a roll of 177 degrees.
+/// Opening at which the demonstrator stops: the published arc ends with the hand at a roll of 177
+/// degrees.
 const DEMONSTRATED: f32 = 87.0 / 180.0 * core::f32::consts::PI;
 
 fn build(_: usize, _: &mut Rng) -> TaskScene {

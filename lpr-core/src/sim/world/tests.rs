@@ -17,7 +17,8 @@ fn demonstration(task: &str, robot: &'static Robot, seed: u64) -> (SimEnvironmen
 #[test]
 fn demonstrations_do_every_task_with_both_robots() {
     for (task, robot) in TASKS.iter().flat_map(|task| ROBOTS.map(|robot| (task, robot))) {
-        let failed: Vec<_> = (0..5).filter(|seed| !demonstration(task.name, robot, *seed).1.success).collect();
+        let failed: Vec<_> =
+            (0..5).filter(|seed| !demonstration(task.name, robot, *seed).1.success).collect();
         assert_eq!(failed, [0_u64; 0], "{} with {}", task.name, robot.name);
     }
 }
@@ -28,11 +29,19 @@ fn articulated_bodies_stay_on_their_joints() {
     const LEVER: f32 = 1.3;
     for (task, robot) in TASKS.iter().flat_map(|task| ROBOTS.map(|robot| (task, robot))) {
         let (_, demo) = demonstration(task.name, robot, 1);
-        for (frame, joint) in demo.frames.iter().flat_map(|frame| (0..frame.spec().joints.len()).map(move |joint| (frame, joint)))
+        for (frame, joint) in demo
+            .frames
+            .iter()
+            .flat_map(|frame| (0..frame.spec().joints.len()).map(move |joint| (frame, joint)))
         {
             let most = if frame.spec().joints[joint].name == "lever_axle" { LEVER } else { 1.0 };
             let (shift, turn) = frame.joint_deviation(joint);
-            assert!(shift < 0.003 && turn < most.to_radians(), "{} {}: {shift} m, {turn} rad", task.name, robot.name);
+            assert!(
+                shift < 0.003 && turn < most.to_radians(),
+                "{} {}: {shift} m, {turn} rad",
+                task.name,
+                robot.name
+            );
         }
     }
 }
@@ -41,8 +50,11 @@ fn articulated_bodies_stay_on_their_joints() {
 fn a_door_is_latched_until_its_lever_is_turned() {
     let (_, demo) = demonstration("open_door", &PANDA, 1);
     let [door, lever] = [0, 1];
-    let latched: Vec<_> = demo.frames.iter().filter(|frame| frame.joint_position(lever) < 0.4).collect();
-    assert!(latched.len() > 10 && latched.iter().all(|frame| frame.joint_position(door).abs() < 0.01));
+    let latched: Vec<_> =
+        demo.frames.iter().filter(|frame| frame.joint_position(lever) < 0.4).collect();
+    assert!(
+        latched.len() > 10 && latched.iter().all(|frame| frame.joint_position(door).abs() < 0.01)
+    );
     // Pushed where the lever is held, without turning it, the door stays shut.
     let mut world = demo.frames[demo.waypoint_frames[1]].clone();
     for _ in 0..20 {
@@ -52,7 +64,11 @@ fn a_door_is_latched_until_its_lever_is_turned() {
         // It presses harder than it may; that ends an episode, not the test.
         let _ = world.step(&config);
     }
-    assert!(world.joint_position(door) < 0.02, "the door opened by {} rad", world.joint_position(door));
+    assert!(
+        world.joint_position(door) < 0.02,
+        "the door opened by {} rad",
+        world.joint_position(door)
+    );
 }
 
 #[test]
@@ -63,11 +79,20 @@ fn a_lever_that_is_let_go_returns() {
     world.command_gripper(Gripper::Open);
     for step in 0..400 {
         // The fingers open, then withdraw from around it.
-        let grip = world.robot().grip(world.config()) * Pose3::from_translation(Vec3::NEG_Z * 0.0005);
-        let config = if step < 150 { *world.config() } else { world.robot().ik_step(&grip, world.config()).unwrap() };
+        let grip =
+            world.robot().grip(world.config()) * Pose3::from_translation(Vec3::NEG_Z * 0.0005);
+        let config = if step < 150 {
+            *world.config()
+        } else {
+            world.robot().ik_step(&grip, world.config()).unwrap()
+        };
         let _ = world.step(&config);
     }
-    assert!(turned > 0.4 && world.joint_position(1) < 0.1, "from {turned} to {}", world.joint_position(1));
+    assert!(
+        turned > 0.4 && world.joint_position(1) < 0.1,
+        "from {turned} to {}",
+        world.joint_position(1)
+    );
 }
 
 #[test]
@@ -77,18 +102,29 @@ fn friction_alone_holds_what_a_demonstrator_lifts() {
         let env = SimEnvironment::new(task, robot, 1, &["front"], &SimParams::STANDARD).unwrap();
         let mut env = env.with_friction_grasps().unwrap();
         let demo = demonstrate(&mut env, &mut stream(1, Stream::Demo, 0));
-        assert!(demo.success && env.world().holding() == Holding::Pinched, "{}: {:?}", robot.name, demo.invalid);
+        assert!(
+            demo.success && env.world().holding() == Holding::Pinched,
+            "{}: {:?}",
+            robot.name,
+            demo.invalid
+        );
     }
 }
 
 #[test]
 fn every_variation_can_be_placed_and_is_another_scene() {
     for task in TASKS {
-        let scene = |variation| crate::sim::place(task, variation, &PANDA, 1).map(|placed| placed.scene.spec);
+        let scene = |variation| {
+            crate::sim::place(task, variation, &PANDA, 1).map(|placed| placed.scene.spec)
+        };
         let first = scene(0).unwrap();
         for variation in 1..task.n_variations() {
             assert_ne!(scene(variation).unwrap(), first, "{}", task.describe(variation));
-            assert_eq!(scene(variation).unwrap(), scene(variation).unwrap(), "the same seed, the same scene");
+            assert_eq!(
+                scene(variation).unwrap(),
+                scene(variation).unwrap(),
+                "the same seed, the same scene"
+            );
         }
         let error = scene(task.n_variations()).expect_err("one variation too many").to_string();
         assert!(error.contains(task.name) && error.contains("no variation"), "{error}");
@@ -99,8 +135,13 @@ fn every_variation_can_be_placed_and_is_another_scene() {
 fn an_attached_lid_does_not_slip() {
     let (_, demo) = demonstration("take_lid_off_saucepan", &XARM7, 1);
     let lid = demo.frames[0].spec().bodies.iter().position(|body| body.name == "lid").unwrap();
-    let in_grip = |world: &World| world.robot().grip(world.config()).inverse() * world.body_pose(lid);
-    let held: Vec<_> = demo.frames.iter().filter(|frame| frame.holding() == Holding::Attached { body: lid }).collect();
+    let in_grip =
+        |world: &World| world.robot().grip(world.config()).inverse() * world.body_pose(lid);
+    let held: Vec<_> = demo
+        .frames
+        .iter()
+        .filter(|frame| frame.holding() == Holding::Attached { body: lid })
+        .collect();
     assert!(held.len() > 5, "the lid was held for {} frames", held.len());
     for frame in &held {
         let slip = in_grip(frame).translation.distance(in_grip(held[0]).translation);
@@ -148,7 +189,10 @@ fn push(world: &mut World, way: Vec3) -> Result<(), InvalidAction> {
 #[test]
 fn the_arm_does_not_pass_through_things() {
     let pushed = push(&mut at_the_knob(), Vec3::new(0.0, 0.0, -0.12));
-    assert!(matches!(pushed, Err(InvalidAction::Collision { .. } | InvalidAction::Force { .. })), "got {pushed:?}");
+    assert!(
+        matches!(pushed, Err(InvalidAction::Collision { .. } | InvalidAction::Force { .. })),
+        "got {pushed:?}"
+    );
 }
 
 #[test]

@@ -11,7 +11,11 @@ fn events(answer: &Answer) -> Vec<(i64, String, Value)> {
     };
     let events = answer.body.split_terminator("\n\n").filter(|event| !event.starts_with(':'));
     let read = |event| {
-        (field(event, "id").parse().unwrap(), field(event, "event"), serde_json::from_str(&field(event, "data")).unwrap())
+        (
+            field(event, "id").parse().unwrap(),
+            field(event, "event"),
+            serde_json::from_str(&field(event, "data")).unwrap(),
+        )
     };
     events.map(read).collect()
 }
@@ -24,16 +28,23 @@ async fn a_stream_tells_all_goes_on_anywhere_and_ends() {
     let path = format!("/v1/jobs/{id}/events");
     let answer = service.get(&path).await;
     assert_eq!((answer.status, answer.header("content-type")), (200, "text/event-stream"));
-    assert_eq!((answer.header("x-accel-buffering"), answer.header("cache-control")), ("no", "no-cache"));
+    assert_eq!(
+        (answer.header("x-accel-buffering"), answer.header("cache-control")),
+        ("no", "no-cache")
+    );
     let all = events(&answer);
     let kinds: Vec<_> = all.iter().map(|(_, kind, _)| kind.as_str()).collect();
     assert_eq!(kinds, ["state", "state", "state", "end"]);
     assert_eq!(all[3].2, json!({"state": "succeeded"}));
     let job = service.get(&format!("/v1/jobs/{id}")).await.json();
-    assert_eq!(job["transitions"], Value::from(all[..3].iter().map(|(_, _, data)| data.clone()).collect::<Vec<_>>()));
+    assert_eq!(
+        job["transitions"],
+        Value::from(all[..3].iter().map(|(_, _, data)| data.clone()).collect::<Vec<_>>())
+    );
     for (idx, (seq, ..)) in all.iter().enumerate() {
         // The header goes before the parameter.
-        let again = request("GET", &format!("{path}?after=0")).header("Last-Event-ID", seq.to_string());
+        let again =
+            request("GET", &format!("{path}?after=0")).header("Last-Event-ID", seq.to_string());
         let again = service.answer(again.body(Body::empty()).unwrap()).await;
         assert_eq!(events(&again), all[idx + 1..]);
         assert_eq!(again.status, if idx == 3 { 204 } else { 200 });
@@ -48,7 +59,12 @@ async fn a_stream_of_a_waiting_job_ends_with_the_server() {
     let service = Service::new().await;
     let id = service.submit(&reach()).await.json()["id"].as_str().unwrap().to_owned();
     let path = format!("/v1/jobs/{id}/events");
-    let response = service.app.clone().oneshot(request("GET", &path).body(Body::empty()).unwrap()).await.unwrap();
+    let response = service
+        .app
+        .clone()
+        .oneshot(request("GET", &path).body(Body::empty()).unwrap())
+        .await
+        .unwrap();
     service.phase.send(Phase::Stopping).unwrap();
     let seen = events(&Answer::of(response).await);
     assert_eq!(seen.len(), 1, "{seen:?}");

@@ -33,8 +33,8 @@ pub(super) fn run() -> Result<Vec<Row>> {
     Ok(rows)
 }
 
-/// The network of the preset `fast` with all its heads, at one depth. An update is one gradient step on transitions that end
-/// their episodes, with the voxels that it reads.
+/// The network of the preset `fast` with all its heads, at one depth. An update is one gradient
+/// step on transitions that end their episodes, with the voxels that it reads.
 fn fast_network(fast: &Config, mut env: SimEnvironment) -> Result<Vec<Row>> {
     let mut config = fast.clone();
     config.q_attention.zoom_half_widths.clear();
@@ -44,7 +44,14 @@ fn fast_network(fast: &Config, mut env: SimEnvironment) -> Result<Vec<Row>> {
     let bounds = lpr_core::perception::VoxelBounds::scene(&XARM7);
     let seen = QObservation::new(&env.observe(), bounds, config.training.cloud_spacing);
     let action = env.plan().goals[0];
-    let batch = [QSample { observation: &seen, action, reward: 1.0, next: None, weight: 1.0, imitated: true }; SCENES];
+    let batch = [QSample {
+        observation: &seen,
+        action,
+        reward: 1.0,
+        next: None,
+        weight: 1.0,
+        imitated: true,
+    }; SCENES];
     let mut rng = stream(0, Stream::Augment, 0);
     let train = measure("fast_train_b16", || attention.update(&batch, &mut rng));
     Ok(vec![train, measure("fast_infer_b1", || attention.act(&seen, Weights::Online))])
@@ -71,12 +78,17 @@ fn path_networks(env: &SimEnvironment) -> Result<Vec<Row>> {
     let paper = load_config("paper")?;
     let goal = env.plan().goals[0];
     let context = RankerContext { goal, gripper_open: 1.0, time: 1.0 };
-    let mut ranker = Ranker::new(&paper.ranker, &XARM7, Backend::Flex, &mut stream(0, Stream::Init, 0))?;
+    let mut ranker =
+        Ranker::new(&paper.ranker, &XARM7, Backend::Flex, &mut stream(0, Stream::Init, 0))?;
     let mut rows = Vec::new();
     for (name, path_len) in [("ranker_train_b128_t30", 30), ("ranker_train_b128_t100", 100)] {
         let paths = ranked(PATHS, path_len);
-        let transition =
-            |path| RankerTransition { taken: RankerSample { context: &context, path }, reward: 1.0, next: None, weight: 1.0 };
+        let transition = |path| RankerTransition {
+            taken: RankerSample { context: &context, path },
+            reward: 1.0,
+            next: None,
+            weight: 1.0,
+        };
         let batch: Vec<_> = paths.iter().map(transition).collect();
         rows.push(measure(name, || ranker.update(&batch)));
     }
@@ -87,15 +99,21 @@ fn path_networks(env: &SimEnvironment) -> Result<Vec<Row>> {
 }
 
 fn policy_train(paper: &Config, goal: &NextBestPose) -> Result<Row> {
-    let mut policy = Policy::new(&paper.policy, &XARM7, Backend::Flex, &mut stream(0, Stream::Init, 1))?;
+    let mut policy =
+        Policy::new(&paper.policy, &XARM7, Backend::Flex, &mut stream(0, Stream::Init, 1))?;
     let paths = ranked(PATHS, paper.candidates.path_len);
-    let batch: Vec<_> = paths.iter().map(|ranked| PolicySample { path: &ranked.path, goal, weight: 1.0 }).collect();
+    let batch: Vec<_> =
+        paths.iter().map(|ranked| PolicySample { path: &ranked.path, goal, weight: 1.0 }).collect();
     Ok(measure("policy_train_b128", || policy.update(&batch)))
 }
 
 /// Different paths of that length.
 fn ranked(n_paths: usize, path_len: usize) -> Vec<RankedPath> {
-    let end = |idx: usize| JointConfig(XARM7.start.0.map(|angle| angle + 0.3 * (idx + 1) as f32 / n_paths as f32));
-    let path = |idx| JointPath::new(vec![XARM7.start, end(idx)]).expect("finite angles").resample(path_len);
+    let end = |idx: usize| {
+        JointConfig(XARM7.start.0.map(|angle| angle + 0.3 * (idx + 1) as f32 / n_paths as f32))
+    };
+    let path = |idx| {
+        JointPath::new(vec![XARM7.start, end(idx)]).expect("finite angles").resample(path_len)
+    };
     (0..n_paths).map(|idx| RankedPath { path: path(idx), collides: false }).collect()
 }

@@ -5,12 +5,14 @@ use crate::cli::Result;
 use lpr_core::env::Environment as _;
 use lpr_core::glamx::{Pose3, Vec3};
 use lpr_core::path::{
-    BezierCurve, CandidateSettings, CandidateStreams, GripSpeedLimit, MotionLimits, PathQuery, SmoothPath, candidates,
-    linear_path, time_optimal,
+    BezierCurve, CandidateSettings, CandidateStreams, GripSpeedLimit, MotionLimits, PathQuery,
+    SmoothPath, candidates, linear_path, time_optimal,
 };
 use lpr_core::rng::{Stream, stream};
 use lpr_core::robot::{DOF, JointConfig, PANDA, Robot, XARM7};
-use lpr_core::scene::{ArmSpheres, Holding, MotionChecker, ObstacleQuery, Primitive, Scene, obstacle_scene};
+use lpr_core::scene::{
+    ArmSpheres, Holding, MotionChecker, ObstacleQuery, Primitive, Scene, obstacle_scene,
+};
 use lpr_core::sim::SimEnvironment;
 use lpr_core::sim::tasks::Task;
 use std::hint::black_box;
@@ -51,17 +53,22 @@ fn configs(robot: &Robot) -> Vec<JointConfig> {
 /// Forward kinematics of the flange.
 fn fk(name: &'static str, robot: &'static Robot) -> Row {
     let configs = configs(robot);
-    measure(name, || configs.iter().map(|config| robot.flange(config).translation.x).sum::<f64>()).per(MANY)
+    measure(name, || configs.iter().map(|config| robot.flange(config).translation.x).sum::<f64>())
+        .per(MANY)
 }
 
 /// All branches of the closed form at one angle of the last joint.
 fn ik_at(name: &'static str, robot: &'static Robot) -> Row {
-    let questions: Vec<_> = configs(robot).iter().map(|config| (robot.grip(config), f64::from(config[DOF - 1]))).collect();
+    let questions: Vec<_> = configs(robot)
+        .iter()
+        .map(|config| (robot.grip(config), f64::from(config[DOF - 1])))
+        .collect();
     let solutions = |(pose, q7): &(Pose3, f64)| robot.ik_all_at(pose, *q7, &robot.start).len();
     measure(name, || questions.iter().map(solutions).sum::<usize>()).per(MANY)
 }
 
-/// Eight configurations of the Panda among the boards of a shelf, which the arm does not meet, and itself.
+/// Eight configurations of the Panda among the boards of a shelf, which the arm does not meet, and
+/// itself.
 fn checks() -> Row {
     let boards = (0..6_u8).map(|i| Primitive::Cuboid {
         world_from_box: Pose3::from_translation(Vec3::new(0.75, 0.0, 0.25 * f32::from(i))),
@@ -69,11 +76,15 @@ fn checks() -> Row {
     });
     let (scene, arm) = (Scene::from_primitives(boards.collect()), ArmSpheres::new(&PANDA));
     let checker = MotionChecker::new(&scene, &arm, 8.0);
-    let end = JointConfig(core::array::from_fn(|j| PANDA.start[j] + if j == 0 { 0.5 } else { 0.0 }));
+    let end =
+        JointConfig(core::array::from_fn(|j| PANDA.start[j] + if j == 0 { 0.5 } else { 0.0 }));
     assert!(checker.motion_is_free(&PANDA.start, &end), "the arm turns in front of the shelf");
     let n_checks = checker.n_checks();
     assert_eq!(n_checks, 8, "one block");
-    measure("checks_8_panda", || (0..MANY).filter(|_| checker.motion_is_free(&PANDA.start, black_box(&end))).count()).per(MANY)
+    measure("checks_8_panda", || {
+        (0..MANY).filter(|_| checker.motion_is_free(&PANDA.start, black_box(&end))).count()
+    })
+    .per(MANY)
 }
 
 /// 20 Bézier curves of 50 configurations.
@@ -83,25 +94,38 @@ fn bezier() -> Result<Row> {
     let start = XARM7.grip(&XARM7.start);
     let mut rng = stream(0, Stream::Bezier, 0);
     Ok(measure("bezier20x50", || {
-        let curves = (0..PATHS).map(|_| BezierCurve::sample(&start, &goal, &config.candidates.bezier, &mut rng));
-        curves.map(|curve| curve.to_joints(&XARM7, &XARM7.start).map(|path| path.resample(CONFIGS))).collect::<Vec<_>>()
+        let curves = (0..PATHS)
+            .map(|_| BezierCurve::sample(&start, &goal, &config.candidates.bezier, &mut rng));
+        curves
+            .map(|curve| curve.to_joints(&XARM7, &XARM7.start).map(|path| path.resample(CONFIGS)))
+            .collect::<Vec<_>>()
     }))
 }
 
-/// What a depth image saw made into obstacles, and 20 planner paths around them, all with collision checking. Half of the straight
-/// motions to the 20 goals hit something.
+/// What a depth image saw made into obstacles, and 20 planner paths around them, all with collision
+/// checking. Half of the straight motions to the 20 goals hit something.
 fn planner() -> Result<[Row; 2]> {
     const SCENE: u64 = 1001;
     let config = default_preset();
-    let mut env = SimEnvironment::new(Task::by_name("open_box")?, &XARM7, SCENE, &["front"], &config.simulator)?;
+    let mut env = SimEnvironment::new(
+        Task::by_name("open_box")?,
+        &XARM7,
+        SCENE,
+        &["front"],
+        &config.simulator,
+    )?;
     let goal = env.plan().goals[0].pose;
     let (observation, start) = (env.observe(), *env.world().config());
     let points: Vec<Vec3> = observation.colored_points().map(|(point, _)| point).collect();
     let holding = Holding::Nothing;
     let look = ObstacleQuery { robot: env.robot(), measured: &start, goal: Some(&goal), holding };
     let scene = obstacle_scene(&look, &points);
-    let settings =
-        CandidateSettings { planner_paths: PATHS, bezier_paths: 0, planner_collision_free_fraction: 1.0, ..config.candidates };
+    let settings = CandidateSettings {
+        planner_paths: PATHS,
+        bezier_paths: 0,
+        planner_collision_free_fraction: 1.0,
+        ..config.candidates
+    };
     let query = PathQuery { robot: env.robot(), start, goal, scene: &scene, policy_path: None };
     let mut step = 0;
     let build = measure("obstacles_depth_image", || obstacle_scene(&look, &points));
@@ -112,14 +136,17 @@ fn planner() -> Result<[Row; 2]> {
     Ok([build, plan])
 }
 
-/// The fastest motion through 50 configurations, with limits of velocity, acceleration, jerk and the grip's speed.
+/// The fastest motion through 50 configurations, with limits of velocity, acceleration, jerk and
+/// the grip's speed.
 fn timing() -> Result<Row> {
     /// Of the Panda, from its vendor, rad/s³.
     const JERK: [f64; DOF] = [7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10_000.0, 10_000.0];
     let start = PANDA.grip(&PANDA.start);
     let goal = Pose3::from_parts(start.translation + Vec3::new(0.1, -0.3, -0.2), start.rotation);
     let path = linear_path(&PANDA, &PANDA.start, &goal);
-    let path = path.map_err(|reason| lpr_core::Error::Environment(format!("timing_50: no line, {}", reason.name())))?;
+    let path = path.map_err(|reason| {
+        lpr_core::Error::Environment(format!("timing_50: no line, {}", reason.name()))
+    })?;
     let path = path.resample(CONFIGS);
     let limits = MotionLimits {
         velocity: PANDA.joints.map(|joint| f64::from(joint.max_velocity)),

@@ -14,7 +14,8 @@ const SCENE: u64 = 2000;
 pub(super) fn run() -> Result<Vec<Row>> {
     let config = default_preset();
     let pairs = TASKS.iter().flat_map(|task| ROBOTS.map(|robot| (*task, robot)));
-    let mut rows: Vec<Row> = pairs.map(|(task, robot)| reset(&config, task, robot)).collect::<Result<_>>()?;
+    let mut rows: Vec<Row> =
+        pairs.map(|(task, robot)| reset(&config, task, robot)).collect::<Result<_>>()?;
     let all = middle(&rows);
     rows.push(all);
     Ok(rows)
@@ -39,5 +40,11 @@ fn middle(rows: &[Row]) -> Row {
     };
     let [medians, least] = [sorted(|row| row.median_ms), sorted(|row| row.min_ms)];
     let runs = rows.iter().map(|row| row.runs).sum();
-    Row { name: "reset_rgbd_all".into(), threads: rows[0].threads, median_ms: medians[medians.len() / 2], min_ms: least[0], runs }
+    Row {
+        name: "reset_rgbd_all".into(),
+        threads: rows[0].threads,
+        median_ms: medians[medians.len() / 2],
+        min_ms: least[0],
+        runs,
+    }
 }

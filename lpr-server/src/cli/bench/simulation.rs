@@ -25,7 +25,11 @@ pub(super) fn run() -> Result<Vec<Row>> {
     let env = environment(&config)?;
     let [scene, both_arms] = render(&config)?;
     let steps = [control_step(&config)?, vector_control_step(&config)?];
-    Ok([physics(&config.simulator)?, scene, both_arms].into_iter().chain(steps).chain([reset(env)]).collect())
+    Ok([physics(&config.simulator)?, scene, both_arms]
+        .into_iter()
+        .chain(steps)
+        .chain([reset(env)])
+        .collect())
 }
 
 /// One physics step of [`ArmSweep`]: a kinematic arm that sweeps over ten boxes, all awake.
@@ -35,13 +39,18 @@ fn physics(params: &SimParams) -> Result<Row> {
     Ok(row.per(PHYSICS_STEPS))
 }
 
-/// 128 × 128 pixels with colour, depth, points and mask: a scene of 3,156 triangles, and 6,504 of it with one arm and the other.
+/// 128 × 128 pixels with colour, depth, points and mask: a scene of 3,156 triangles, and 6,504 of
+/// it with one arm and the other.
 fn render(config: &Config) -> Result<[Row; 2]> {
     let mut renderer = Renderer::new(Detail::Observation);
-    let mut items = SimEnvironment::picture_items(busy_environment(config, &XARM7)?.world(), &mut renderer)?;
+    let mut items =
+        SimEnvironment::picture_items(busy_environment(config, &XARM7)?.world(), &mut renderer)?;
     let camera = Camera::by_name("front", &XARM7, &Pose3::IDENTITY)?;
     let scene = measure("render_128", || renderer.render(&camera, &items));
-    items.extend(SimEnvironment::picture_items(busy_environment(config, &PANDA)?.world(), &mut renderer)?);
+    items.extend(SimEnvironment::picture_items(
+        busy_environment(config, &PANDA)?.world(),
+        &mut renderer,
+    )?);
     Ok([scene, measure("render_128_both_arms", || renderer.render(&camera, &items))])
 }
 

@@ -48,10 +48,14 @@ pub(super) struct MaskRow {
 impl fmt::Display for Legend {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Depth { depth: [near, far], share } => write!(f, ", {near:.3} to {far:.3} m, {:.1} % seen", 100.0 * share),
-            Self::Mask { mask } => mask.iter().try_for_each(|MaskRow { value, name, rgb: [r, g, b], pixels }| {
-                write!(f, "\n  {value:>3} #{r:02x}{g:02x}{b:02x} {pixels:>7} pixels  {name}")
-            }),
+            Self::Depth { depth: [near, far], share } => {
+                write!(f, ", {near:.3} to {far:.3} m, {:.1} % seen", 100.0 * share)
+            }
+            Self::Mask { mask } => {
+                mask.iter().try_for_each(|MaskRow { value, name, rgb: [r, g, b], pixels }| {
+                    write!(f, "\n  {value:>3} #{r:02x}{g:02x}{b:02x} {pixels:>7} pixels  {name}")
+                })
+            }
         }
     }
 }
@@ -79,8 +83,11 @@ pub(super) fn draw(
 
 fn depth_picture(depth: &[f32]) -> (Vec<[u8; 3]>, Option<Legend>) {
     let seen = || depth.iter().copied().filter(|depth| depth.is_finite());
-    let (near, far) = seen().fold((f32::INFINITY, 0.0_f32), |(near, far), depth| (near.min(depth), far.max(depth)));
-    let color = |depth: &f32| if depth.is_finite() { value_color((far - depth) / (far - near)) } else { NOTHING_RGB };
+    let (near, far) = seen()
+        .fold((f32::INFINITY, 0.0_f32), |(near, far), depth| (near.min(depth), far.max(depth)));
+    let color = |depth: &f32| {
+        if depth.is_finite() { value_color((far - depth) / (far - near)) } else { NOTHING_RGB }
+    };
     let share = seen().count() as f32 / depth.len() as f32;
     let legend = (share > 0.0).then_some(Legend::Depth { depth: [near, far], share });
     (depth.iter().map(color).collect(), legend)
@@ -88,20 +95,24 @@ fn depth_picture(depth: &[f32]) -> (Vec<[u8; 3]>, Option<Legend>) {
 
 fn mask_picture(environment: &SimEnvironment, mask: &[u16]) -> (Vec<[u8; 3]>, Option<Legend>) {
     let mut pixels: BTreeMap<u16, usize> = BTreeMap::new();
-    mask.iter().filter(|value| **value != NO_ITEM).for_each(|value| *pixels.entry(*value).or_default() += 1);
+    mask.iter()
+        .filter(|value| **value != NO_ITEM)
+        .for_each(|value| *pixels.entry(*value).or_default() += 1);
     let name = |value: u16| match environment.world().seen_in_mask(value) {
         Some(Seen::Body { name, .. }) => name.to_owned(),
         Some(Seen::Robot { part }) => part.to_owned(),
         Some(Seen::Nothing) | None => "nothing".to_owned(),
     };
-    let row = |(value, pixels)| MaskRow { value, name: name(value), rgb: mask_color(value), pixels };
+    let row =
+        |(value, pixels)| MaskRow { value, name: name(value), rgb: mask_color(value), pixels };
     let legend = Legend::Mask { mask: pixels.into_iter().map(row).collect() };
     (mask.iter().map(|&value| mask_color(value)).collect(), Some(legend))
 }
 
 /// A colour for each value; neighbours differ much.
 fn mask_color(value: u16) -> [u8; 3] {
-    /// Part of the circle of hues from one value to the next: the golden section comes never near where it was.
+    /// Part of the circle of hues from one value to the next: the golden section comes never near
+    /// where it was.
     const TURN: f32 = 0.618_034;
     if value == NO_ITEM {
         return NOTHING_RGB;
@@ -123,7 +134,9 @@ mod tests {
     fn values_of_a_mask_look_different() {
         let colors: Vec<_> = (0..40).map(mask_color).collect();
         for (idx, color) in colors.iter().enumerate() {
-            let distance = |other: &[u8; 3]| color.iter().zip(other).map(|(a, b)| u32::from(a.abs_diff(*b))).sum::<u32>();
+            let distance = |other: &[u8; 3]| {
+                color.iter().zip(other).map(|(a, b)| u32::from(a.abs_diff(*b))).sum::<u32>()
+            };
             assert!(colors[..idx].iter().all(|other| distance(other) > 8), "{idx}: {color:?}");
         }
     }

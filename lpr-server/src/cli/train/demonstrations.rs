@@ -56,10 +56,18 @@ pub(super) fn scripted(
 }
 
 /// The demonstrations of a directory, in the order of their names.
-pub(super) fn of_directory(environment: &SimEnvironment, settings: &DemoSettings, path: &Path) -> Result<Vec<Demonstrated>> {
+pub(super) fn of_directory(
+    environment: &SimEnvironment,
+    settings: &DemoSettings,
+    path: &Path,
+) -> Result<Vec<Demonstrated>> {
     let names = demo_files(path)?;
     if names.is_empty() {
-        return Err(FileError::content(path, format!("holds no demonstration: expected files *{EXTENSION}")).into());
+        return Err(FileError::content(
+            path,
+            format!("holds no demonstration: expected files *{EXTENSION}"),
+        )
+        .into());
     }
     names.iter().map(|name| of_file(environment, settings, name)).collect()
 }
@@ -69,24 +77,39 @@ fn demo_files(directory: &Path) -> Result<Vec<PathBuf>> {
     let mut paths = entries
         .map(|entry| Ok(entry.map_err(FileError::io("read", directory))?.path()))
         .collect::<Result<Vec<_>, FileError>>()?;
-    paths.retain(|path| path.file_name().is_some_and(|name| name.to_string_lossy().ends_with(EXTENSION)));
+    paths.retain(|path| {
+        path.file_name().is_some_and(|name| name.to_string_lossy().ends_with(EXTENSION))
+    });
     paths.sort();
     Ok(paths)
 }
 
 /// A demonstration is followed again in its scene, where the cameras see what the file leaves out.
-fn of_file(environment: &SimEnvironment, settings: &DemoSettings, path: &Path) -> Result<Demonstrated> {
+fn of_file(
+    environment: &SimEnvironment,
+    settings: &DemoSettings,
+    path: &Path,
+) -> Result<Demonstrated> {
     let file: DemoFile = files::read_versioned_json(path, DEMO_VERSION)?;
-    let scene_seed = scene_of(&file, environment).map_err(|reason| FileError::content(path, reason))?;
+    let scene_seed =
+        scene_of(&file, environment).map_err(|reason| FileError::content(path, reason))?;
     let mut followed = environment.clone();
     followed.reset(scene_seed)?;
     let start = followed.clone();
-    let frame = |frame: &crate::formats::DemoFrameJson| FollowedFrame { joints: frame.q, gripper_width: frame.gripper_width };
+    let frame = |frame: &crate::formats::DemoFrameJson| FollowedFrame {
+        joints: frame.q,
+        gripper_width: frame.gripper_width,
+    };
     let frames: Vec<_> = file.frames.iter().map(frame).collect();
     let demo = follow(&mut followed, &frames);
     if !demo.success {
-        let reason = demo.invalid.map_or("the task is not done".to_owned(), |invalid| invalid.to_string());
-        return Err(FileError::content(path, format!("does not do the task when it is followed again: {reason}")).into());
+        let reason =
+            demo.invalid.map_or("the task is not done".to_owned(), |invalid| invalid.to_string());
+        return Err(FileError::content(
+            path,
+            format!("does not do the task when it is followed again: {reason}"),
+        )
+        .into());
     }
     Ok(Demonstrated { scene_seed, chains: demo_episodes(&start, &demo, settings) })
 }
@@ -111,7 +134,8 @@ fn scene_of(file: &DemoFile, environment: &SimEnvironment) -> Result<u64, String
     if !file.success {
         return Err("success: a demonstration that failed teaches nothing".to_owned());
     }
-    let scene_seed = file.scene_seed.ok_or("scene_seed: is missing, and without a scene nothing is seen")?;
+    let scene_seed =
+        file.scene_seed.ok_or("scene_seed: is missing, and without a scene nothing is seen")?;
     if HELD_OUT.iter().any(|seeds| seeds.contains(&scene_seed)) {
         return Err(format!("scene_seed: {scene_seed} is held out for validation or evaluation"));
     }

@@ -7,8 +7,11 @@ use std::io::{self, Write as _};
 use std::time::Instant;
 
 /// Metrics that the bar shows, with their short names.
-const SHOWN_METRICS: [(&str, &str); 3] =
-    [("losses/q_attention", "pose loss"), ("losses/ranker", "ranker loss"), ("losses/policy", "policy loss")];
+const SHOWN_METRICS: [(&str, &str); 3] = [
+    ("losses/q_attention", "pose loss"),
+    ("losses/ranker", "ranker loss"),
+    ("losses/policy", "policy loss"),
+];
 
 /// The bar of a run; nothing where standard error is no terminal.
 #[derive(Debug)]
@@ -27,7 +30,8 @@ impl Bar {
         let length = env_steps.unwrap_or(seconds as u64);
         // Hidden where standard error is no terminal.
         let bar = ProgressBar::with_draw_target(Some(length), ProgressDrawTarget::stderr());
-        let style = ProgressStyle::with_template("{bar:24} {msg}").unwrap_or_else(|_| ProgressStyle::default_bar());
+        let style = ProgressStyle::with_template("{bar:24} {msg}")
+            .unwrap_or_else(|_| ProgressStyle::default_bar());
         bar.set_style(style);
         Self { bar, env_steps, seconds, success: None, losses: String::new() }
     }
@@ -37,7 +41,9 @@ impl Bar {
         if self.bar.is_hidden() {
             return;
         }
-        let losses = SHOWN_METRICS.iter().filter_map(|(name, short)| Some(format!("{short} {:.4}", metrics.get(name)?)));
+        let losses = SHOWN_METRICS
+            .iter()
+            .filter_map(|(name, short)| Some(format!("{short} {:.4}", metrics.get(name)?)));
         let losses: Vec<_> = losses.collect();
         if !losses.is_empty() {
             self.losses = losses.join(", ");
@@ -45,7 +51,10 @@ impl Bar {
         self.bar.set_position(if self.env_steps.is_some() { env_steps } else { elapsed as u64 });
         let left = self.seconds_left(env_steps, elapsed);
         let success = self.success.as_deref().unwrap_or("-");
-        self.bar.set_message(format!("step {env_steps}, success {success}, {}, at most {left:.0} s left", self.losses));
+        self.bar.set_message(format!(
+            "step {env_steps}, success {success}, {}, at most {left:.0} s left",
+            self.losses
+        ));
     }
 
     /// What is left until the number of steps or the minutes end the run.
@@ -114,13 +123,16 @@ pub(super) fn networks_line(agent: &Agent, updates_per_second: Option<f64>) -> S
         let (millions, giga) = (cost.parameters as f64 / 1e6, cost.flops as f64 / 1e9);
         format!("{name} {millions:.3} M parameters, {giga:.4} GFLOP a forward")
     });
-    let rate = updates_per_second.map_or(String::new(), |rate| format!("; {rate:.2} updates per second"));
+    let rate =
+        updates_per_second.map_or(String::new(), |rate| format!("; {rate:.2} updates per second"));
     format!("networks: {}{rate}", costs.collect::<Vec<_>>().join("; "))
 }
 
-/// What an update of Q-attention will take where that is long: `forward_seconds` for a forward pass of one scene here.
+/// What an update of Q-attention will take where that is long: `forward_seconds` for a forward pass
+/// of one scene here.
 pub(super) fn slowness(batch: usize, forward_seconds: f64, minutes: f64) -> Option<String> {
-    /// Passes of the batch in an update: online and target network on what came next, one pass with gradients, which costs three.
+    /// Passes of the batch in an update: online and target network on what came next, one pass with
+    /// gradients, which costs three.
     const PASSES: f64 = 5.0;
     /// An update that takes less is not worth a warning, seconds.
     const SLOW: f64 = 1.0;

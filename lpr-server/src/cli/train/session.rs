@@ -34,7 +34,8 @@ const TEST_SEEDS: Range<u64> = 5000..5100;
 const N_VALIDATION_SEEDS: u64 = 1000;
 /// Validation success at which a run stops by itself.
 const GOOD_ENOUGH: f64 = 0.97;
-/// Validations in a row that have to be that good together. With three, of a run that validates often, chance stops too early.
+/// Validations in a row that have to be that good together. With three, of a run that validates
+/// often, chance stops too early.
 const GOOD_VALIDATIONS: usize = 5;
 /// Size of the animations that checkpoints leave.
 const ANIMATION_SIZE: Size = Size { width: 240, height: 180 };
@@ -80,8 +81,15 @@ impl<'a> Session<'a> {
         let environment = simulator(arguments.task, arguments.robot.robot, &run.cameras, &config)?;
         files::refuse_non_empty(&arguments.out)?;
         let demos = match &arguments.demo_dir {
-            Some(directory) => demonstrations::of_directory(&environment, &config.demos, directory)?,
-            None => demonstrations::scripted(&environment, &config.demos, run.seed, config.training.demonstrations)?,
+            Some(directory) => {
+                demonstrations::of_directory(&environment, &config.demos, directory)?
+            }
+            None => demonstrations::scripted(
+                &environment,
+                &config.demos,
+                run.seed,
+                config.training.demonstrations,
+            )?,
         };
         config.training.demonstrations = demos.len();
         let text = config_toml(&config, &run, environment.robot().name, &demos)?;
@@ -101,7 +109,8 @@ impl<'a> Session<'a> {
         let unusable = |error| run_directory::unusable(&arguments.out, step, &error);
         let header = lpr_core::checkpoint::read_header(&checkpoint.weights).map_err(unusable)?;
         refuse_other_run(arguments, &header.run).map_err(unusable)?;
-        let environment = simulator(arguments.task, arguments.robot.robot, &header.run.cameras, &header.config)?;
+        let environment =
+            simulator(arguments.task, arguments.robot.robot, &header.run.cameras, &header.config)?;
         let trainer = Trainer::resume(&checkpoint, environment.clone()).map_err(unusable)?;
         run_directory::clean(&arguments.out)?;
         let metrics = MetricsWriter::resume(&arguments.out, step)?;
@@ -113,15 +122,19 @@ impl<'a> Session<'a> {
         Ok(session)
     }
 
-    /// Time goes on from where the checkpoint was made, so that --minutes is a cap on the whole run.
+    /// Time goes on from where the checkpoint was made, so that --minutes is a cap on the whole
+    /// run.
     fn recall_time(&mut self) -> Result<()> {
-        let seconds = metrics::history(&self.arguments.out, "wall_seconds")?.last().map_or(0.0, |&(_, seconds)| seconds);
+        let seconds = metrics::history(&self.arguments.out, "wall_seconds")?
+            .last()
+            .map_or(0.0, |&(_, seconds)| seconds);
         let earlier = Duration::try_from_secs_f64(seconds).unwrap_or_default();
         self.started = self.started.checked_sub(earlier).unwrap_or(self.started);
         Ok(())
     }
 
-    /// What the validations before the checkpoint found: it decides when to stop, and the first is reported.
+    /// What the validations before the checkpoint found: it decides when to stop, and the first is
+    /// reported.
     fn recall_validations(&mut self) -> Result<()> {
         let episodes = metrics::history(&self.arguments.out, "validation/episodes")?;
         let successes = metrics::history(&self.arguments.out, "validation/successes")?;
@@ -223,7 +236,11 @@ impl<'a> Session<'a> {
         let progress = self.trainer.progress();
         if self.arguments.env_steps.is_some_and(|most| progress.env_steps >= most) {
             Some("env_steps")
-        } else if self.arguments.stop_after_successes.is_some_and(|most| progress.successes_in_a_row >= most) {
+        } else if self
+            .arguments
+            .stop_after_successes
+            .is_some_and(|most| progress.successes_in_a_row >= most)
+        {
             Some("successes")
         } else if is_good_enough(&self.validations) {
             Some("validation")
@@ -241,26 +258,35 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Success on the validation scenes, what the chosen paths were worth and, with the demonstrator's poses, how far they stay
-    /// behind the best candidates.
+    /// Success on the validation scenes, what the chosen paths were worth and, with the
+    /// demonstrator's poses, how far they stay behind the best candidates.
     fn validate(&mut self) -> Result<Validation> {
         let n = self.trainer.config().training.validation_episodes;
         let mut values = Vec::new();
         // Fresh scenes each time: chance on one set of them would decide when to stop.
-        let first = VALIDATION_SEEDS + self.validations.len() as u64 * n % N_VALIDATION_SEEDS.saturating_sub(n).max(1);
+        let first = VALIDATION_SEEDS
+            + self.validations.len() as u64 * n % N_VALIDATION_SEEDS.saturating_sub(n).max(1);
         let seeds = |n| first..first + n;
         let agent = self.trainer.agent();
-        let found = evaluate(agent, &mut self.environment, seeds(n), |episode| values.extend_from_slice(&episode.values))?;
+        let found = evaluate(agent, &mut self.environment, seeds(n), |episode| {
+            values.extend_from_slice(&episode.values)
+        })?;
         let mut metrics = Metrics::default();
         metrics.push("validation/episodes", found.episodes as f32);
         metrics.push("validation/successes", found.successes as f32);
         metrics.push("validation/success_rate", found.success_rate() as f32);
         metrics.push_mean("validation/value_chosen", values.iter().map(|value| value.expected));
         metrics.push_mean("validation/value_realised", values.iter().map(|value| value.realised));
-        metrics.push_mean("validation/value_error", values.iter().map(|value| (value.expected - value.realised).abs()));
+        metrics.push_mean(
+            "validation/value_error",
+            values.iter().map(|value| (value.expected - value.realised).abs()),
+        );
         if agent.poses() == PoseSource::Oracle && agent.method().has_ranker() {
             let regret = measure_regret(agent, &mut self.environment, seeds(n.min(REGRET_SCENES)))?;
-            metrics.push_mean("validation/regret", regret.mean().into_iter().map(|regret| regret as f32));
+            metrics.push_mean(
+                "validation/regret",
+                regret.mean().into_iter().map(|regret| regret as f32),
+            );
         }
         let point = ValidationPoint::new(found.episodes, found.successes);
         self.validations.push(point);
@@ -275,7 +301,8 @@ impl<'a> Session<'a> {
     }
 
     fn write_metrics(&mut self, env_steps: u64, metrics: &Metrics) -> Result<()> {
-        let mut values: Vec<(&str, f64)> = metrics.iter().map(|(name, value)| (name, f64::from(value))).collect();
+        let mut values: Vec<(&str, f64)> =
+            metrics.iter().map(|(name, value)| (name, f64::from(value))).collect();
         values.push(("updates", self.n_updates() as f64));
         values.push(("wall_seconds", self.started.elapsed().as_secs_f64()));
         self.metrics.write(env_steps, &values)?;
@@ -287,7 +314,9 @@ impl<'a> Session<'a> {
         let seconds = self.started.elapsed().as_secs_f64();
         let left = (60.0 * self.arguments.minutes - seconds).max(0.0);
         let Validation { point, metrics } = validation;
-        let regret = metrics.get("validation/regret").map_or(String::new(), |regret| format!(", regret {regret:.2}"));
+        let regret = metrics
+            .get("validation/regret")
+            .map_or(String::new(), |regret| format!(", regret {regret:.2}"));
         self.bar.say(&format!(
             "step {steps}, {} updates, {seconds:.0} s (at most {left:.0} s left): {} of {} validation episodes{regret}",
             self.n_updates(),
@@ -310,13 +339,15 @@ impl<'a> Session<'a> {
         self.save_episode(step)
     }
 
-    /// The first validation scene as an episode file and as an animation, so that what was learned can be looked at.
+    /// The first validation scene as an episode file and as an animation, so that what was learned
+    /// can be looked at.
     fn save_episode(&mut self, step: u64) -> Result<()> {
         let path = run_directory::episode_path(&self.arguments.out, step)?;
         if path.exists() {
             return Ok(());
         }
-        let episode = EpisodeFile::record(self.trainer.agent(), &mut self.environment, VALIDATION_SEEDS)?;
+        let episode =
+            EpisodeFile::record(self.trainer.agent(), &mut self.environment, VALIDATION_SEEDS)?;
         let pictures = animation::episode(&episode, &mut Artist::quick(BEAUTY, ANIMATION_SIZE))?;
         let drawn = run_directory::animation_path(&self.arguments.out, step)?;
         images::write_gif(&drawn, ANIMATION_SIZE.width, ANIMATION_SIZE.height, &pictures)?;
@@ -339,7 +370,11 @@ impl<'a> Session<'a> {
             wall_seconds,
             stopped_by,
             demonstrations_only: self.demonstrations_only,
-            eval: evaluation_report(self.arguments.task.name, self.trainer.run().method.name(), &found),
+            eval: evaluation_report(
+                self.arguments.task.name,
+                self.trainer.run().method.name(),
+                &found,
+            ),
         };
         run_directory::write_summary(&self.arguments.out, &report)?;
         Ok(report)
@@ -354,10 +389,13 @@ fn is_good_enough(validations: &[ValidationPoint]) -> bool {
     successes as f64 >= GOOD_ENOUGH * episodes as f64
 }
 
-/// Refuses to go on with a run of other options than those that are given. Options with their default value may be left out.
+/// Refuses to go on with a run of other options than those that are given. Options with their
+/// default value may be left out.
 fn refuse_other_run(arguments: &Arguments, run: &Run) -> lpr_core::Result<()> {
     let differs = |option: &str, found: &dyn fmt::Display, asked: &dyn fmt::Display| {
-        Err(lpr_core::Error::Checkpoint(format!("of {option} `{found}`, asked to resume `{asked}`")))
+        Err(lpr_core::Error::Checkpoint(format!(
+            "of {option} `{found}`, asked to resume `{asked}`"
+        )))
     };
     if run.task != arguments.task.name {
         return differs("task", &run.task, &arguments.task.name);
@@ -394,6 +432,7 @@ fn config_toml(config: &Config, run: &Run, robot: &str, demos: &[Demonstrated]) 
     }
     let demonstrations = demos.iter().map(|demo| demo.scene_seed).collect();
     let section = Section { run: RunSection { robot, run, demonstrations } };
-    let section = toml::to_string(&section).map_err(|error| lpr_core::Error::Config(format!("--seed: {error}")))?;
+    let section = toml::to_string(&section)
+        .map_err(|error| lpr_core::Error::Config(format!("--seed: {error}")))?;
     Ok(format!("{}\n{section}", config.to_toml()))
 }

@@ -1,7 +1,7 @@
 //! `lpr xarm emulate`: the controller of an arm on this computer.
 //!
-//! The vendor's SDK looks for its ports (502, 503, 30000 to 30003), which need a privileged user below 1024, or for Unix sockets in
-//! `/tmp`: `--uds /tmp`.
+//! The vendor's SDK looks for its ports (502, 503, 30000 to 30003), which need a privileged user
+//! below 1024, or for Unix sockets in `/tmp`: `--uds /tmp`.
 
 use super::super::{Failure, Format, Result};
 use super::signals::Signals;
@@ -31,11 +31,12 @@ pub(in super::super) struct Arguments {
     /// Port of commands; the second one is the next. 0 takes free ones
     #[arg(long, value_name = "PORT", default_value_t = Ports::CONTROLLER.command)]
     command_port: u16,
-    /// Ports of fast (804 bytes, 250 Hz), normal (145 bytes, 5 Hz), rich (587 bytes, 5 Hz) and real-time (135 bytes, 100 Hz)
-    /// reports; 0 takes a free one
+    /// Ports of fast (804 bytes, 250 Hz), normal (145 bytes, 5 Hz), rich (587 bytes, 5 Hz) and
+    /// real-time (135 bytes, 100 Hz) reports; 0 takes a free one
     #[arg(long, value_name = "PORTS", default_value = "30000,30001,30002,30003", value_parser = report_ports)]
     report_ports: [u16; 4],
-    /// Directory for Unix sockets beside the ports, named as the vendor's SDK looks for them (in /tmp)
+    /// Directory for Unix sockets beside the ports, named as the vendor's SDK looks for them (in
+    /// /tmp)
     #[arg(long, value_name = "DIR")]
     uds: Option<PathBuf>,
     /// Joint angles at first, radians [default: the start of the robot]
@@ -44,7 +45,8 @@ pub(in super::super) struct Arguments {
     /// File that gets a line of JSON for every frame that is received
     #[arg(long, value_name = "FILE")]
     log: Option<PathBuf>,
-    /// What goes wrong on purpose after a number of servo points: mute-replies@N, stall-reports@N, hold-arm@N, vanish@N or error-CODE@N
+    /// What goes wrong on purpose after a number of servo points: mute-replies@N, stall-reports@N,
+    /// hold-arm@N, vanish@N or error-CODE@N
     #[arg(long, value_name = "FAULT", hide = true)]
     fault: Option<Fault>,
 }
@@ -52,7 +54,9 @@ pub(in super::super) struct Arguments {
 fn firmware(text: &str) -> Result<String, String> {
     let parts: Vec<_> = text.split('.').collect();
     let is_version = parts.len() == 3 && parts.iter().all(|part| part.parse::<u16>().is_ok());
-    is_version.then(|| text.to_owned()).ok_or_else(|| "expected three numbers, as in 2.5.0".to_owned())
+    is_version
+        .then(|| text.to_owned())
+        .ok_or_else(|| "expected three numbers, as in 2.5.0".to_owned())
 }
 
 fn numbers<T: core::str::FromStr, const N: usize>(text: &str) -> Option<[T; N]> {
@@ -65,7 +69,10 @@ fn report_ports(text: &str) -> Result<[u16; 4], String> {
 }
 
 fn start(text: &str) -> Result<JointConfig, String> {
-    let config = JointConfig(numbers(text).ok_or_else(|| format!("expected {DOF} angles in radians, separated by commas"))?);
+    let config = JointConfig(
+        numbers(text)
+            .ok_or_else(|| format!("expected {DOF} angles in radians, separated by commas"))?,
+    );
     match XARM7.within_limits(&config) {
         true => Ok(config),
         false => Err("outside the joint limits".to_owned()),
@@ -102,7 +109,8 @@ pub(in super::super) fn run(arguments: &Arguments, format: Format) -> Result<()>
     let emulator = Emulator::start(settings)?;
     let Ports { command, stop, fast, normal, rich, realtime } = emulator.ports();
     let report_ports = [fast, normal, rich, realtime];
-    let listening = Listening { bind: arguments.bind, command_port: command, stop_port: stop, report_ports };
+    let listening =
+        Listening { bind: arguments.bind, command_port: command, stop_port: stop, report_ports };
     match format {
         Format::Json => super::super::print(&listening, format)?,
         Format::Table => writeln!(io::stderr(), "{listening}").map_err(Failure::Output)?,
@@ -113,8 +121,12 @@ pub(in super::super) fn run(arguments: &Arguments, format: Format) -> Result<()>
 
 impl fmt::Display for Listening {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { bind, command_port, stop_port, report_ports: [fast, normal, rich, realtime] } = self;
-        write!(f, "listening on {bind}: commands {command_port} and {stop_port}, reports {fast}, {normal}, {rich} and {realtime}")
+        let Self { bind, command_port, stop_port, report_ports: [fast, normal, rich, realtime] } =
+            self;
+        write!(
+            f,
+            "listening on {bind}: commands {command_port} and {stop_port}, reports {fast}, {normal}, {rich} and {realtime}"
+        )
     }
 }
 
@@ -128,7 +140,8 @@ struct Line {
     params: String,
 }
 
-/// Writes what is received until the emulator ends, or the disk is full: an emulator without a log is better than none.
+/// Writes what is received until the emulator ends, or the disk is full: an emulator without a log
+/// is better than none.
 fn log(received: &Receiver<Received>, file: File) {
     let mut writer = LineWriter::new(file);
     for Received { connection, channel, frame } in received {

@@ -1,7 +1,8 @@
 //! `lpr xarm run`: a trained agent acts once on an arm.
 //!
-//! There is no camera yet: the agent sees the simulated scene of its task with the arm where the real one is measured to be. Its
-//! gripper's command is reported and not sent. Without `--execute` no frame is sent that enables or moves anything.
+//! There is no camera yet: the agent sees the simulated scene of its task with the arm where the
+//! real one is measured to be. Its gripper's command is reported and not sent. Without `--execute`
+//! no frame is sent that enables or moves anything.
 
 use super::super::{Failure, Result};
 use super::signals::Signals;
@@ -75,7 +76,8 @@ pub(in super::super) struct Arguments {
 
 fn seconds(text: &str) -> Result<Duration, String> {
     let secs = text.parse::<f64>().ok().filter(|secs| *secs > 0.0 && *secs <= 10.0);
-    secs.map(Duration::from_secs_f64).ok_or_else(|| "expected seconds above 0, at most 10".to_owned())
+    secs.map(Duration::from_secs_f64)
+        .ok_or_else(|| "expected seconds above 0, at most 10".to_owned())
 }
 
 /// What `lpr xarm run` reports.
@@ -134,7 +136,8 @@ pub(in super::super) fn run(arguments: &Arguments) -> Result<Report> {
     let SavedAgent { header, agent } = load(run)?;
     let mut link = Link::connect(*host, ports(arguments), TIMEOUT)?;
     let measured = link.measured()?;
-    let task = Task::by_name(&header.run.task).map_err(|error| FileError::content(run, error.to_string()))?;
+    let task = Task::by_name(&header.run.task)
+        .map_err(|error| FileError::content(run, error.to_string()))?;
     let mut env = super::super::eval::simulator(task, &XARM7, &header.run.cameras, &header.config)?;
     env.reset(*seed)?;
     let mut env = around(&env, measured)?;
@@ -142,9 +145,16 @@ pub(in super::super) fn run(arguments: &Arguments) -> Result<Report> {
     let candidate = action.path().ok_or_else(|| no_path(&action))?;
     let points = schedule(&candidate.path, &XARM7, &pace);
     // The arm may have moved while the agent thought.
-    let path = check_path(points, &link.measured()?, &SafetyLimits::learned_agent(&XARM7, pace.tick_secs))?;
-    let watchdogs =
-        Watchdogs { reply_timeout: arguments.reply_timeout, report_timeout: arguments.report_timeout, ..Watchdogs::STANDARD };
+    let path = check_path(
+        points,
+        &link.measured()?,
+        &SafetyLimits::learned_agent(&XARM7, pace.tick_secs),
+    )?;
+    let watchdogs = Watchdogs {
+        reply_timeout: arguments.reply_timeout,
+        report_timeout: arguments.report_timeout,
+        ..Watchdogs::STANDARD
+    };
     let mut execution = None;
     if arguments.execute {
         // Until here an interrupt ends the program, and nothing has moved.
@@ -185,13 +195,18 @@ fn load(run: &Path) -> Result<SavedAgent> {
     if robot == XARM7.name {
         return Ok(saved);
     }
-    Err(FileError::content(run, format!("is a run of robot `{robot}`, the arm is an {}", XARM7.name)).into())
+    Err(FileError::content(
+        run,
+        format!("is a run of robot `{robot}`, the arm is an {}", XARM7.name),
+    )
+    .into())
 }
 
 /// The scene of `env` with the arm at `config`.
 fn around(env: &SimEnvironment, config: JointConfig) -> Result<SimEnvironment> {
     let world = env.world();
-    let mut world = World::new(Arc::new(world.spec().clone()), world.robot(), config, world.params())?;
+    let mut world =
+        World::new(Arc::new(world.spec().clone()), world.robot(), config, world.params())?;
     for _ in 0..SETTLE_STEPS {
         // An arm that touches something of the simulated scene has no reason not to be where it is.
         let _ = world.step(&config);
@@ -204,19 +219,32 @@ fn act(agent: &Agent, env: &mut SimEnvironment, seed: u64) -> Result<Action> {
     let observation = env.observe();
     let learned = agent.attended(&observation).and_then(|seen| agent.goal(&seen));
     let demonstrated = || env.demonstrated_goal().map(Goal::from);
-    let goal = learned.or_else(demonstrated).ok_or_else(|| Failure::NoPath("there is no next-best pose".to_owned()))?;
-    Ok(agent.act(&observation, goal, Draws::greedy(CandidateStreams { seed, step: FIRST_STEP as u64 }))?)
+    let goal = learned
+        .or_else(demonstrated)
+        .ok_or_else(|| Failure::NoPath("there is no next-best pose".to_owned()))?;
+    Ok(agent.act(
+        &observation,
+        goal,
+        Draws::greedy(CandidateStreams { seed, step: FIRST_STEP as u64 }),
+    )?)
 }
 
 /// The reasons, each once.
 fn no_path(action: &Action) -> Failure {
-    let mut reasons: Vec<_> = action.set.rejected.iter().map(|rejected| rejected.reason.name()).collect();
+    let mut reasons: Vec<_> =
+        action.set.rejected.iter().map(|rejected| rejected.reason.name()).collect();
     reasons.sort_unstable();
     reasons.dedup();
     Failure::NoPath(reasons.join(", "))
 }
 
-fn report(task: &Task, scene_seed: u64, action: &Action, path: &CheckedPath, execution: Option<Execution>) -> Report {
+fn report(
+    task: &Task,
+    scene_seed: u64,
+    action: &Action,
+    path: &CheckedPath,
+    execution: Option<Execution>,
+) -> Report {
     let candidate = action.path().expect("its path was checked");
     let margins = path.margins();
     Report {
@@ -265,14 +293,21 @@ impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { task, scene_seed, source, n_candidates, duration, n_points, checks, .. } = self;
         let [x, y, z] = self.goal.position;
-        writeln!(f, "{task}, scene {scene_seed} (simulated): goal ({x:.3}, {y:.3}, {z:.3}) m, then {:?}", self.goal.gripper)?;
+        writeln!(
+            f,
+            "{task}, scene {scene_seed} (simulated): goal ({x:.3}, {y:.3}, {z:.3}) m, then {:?}",
+            self.goal.gripper
+        )?;
         write!(f, "path: {source}, chosen from {n_candidates}")?;
         self.value.map_or(Ok(()), |value| write!(f, ", value {value:.3}"))?;
         writeln!(f, "; {duration:.2} s in {n_points} points")?;
         writeln!(
             f,
             "safe: joints at most {:.2} rad/s and {:.1} rad/s², tool at most {:.2} m/s and at least {:.3} m high",
-            checks.max_joint_speed, checks.max_joint_acceleration, checks.max_tcp_speed, checks.min_height
+            checks.max_joint_speed,
+            checks.max_joint_acceleration,
+            checks.max_tcp_speed,
+            checks.min_height
         )?;
         match &self.execution {
             None => writeln!(f, "nothing was moved: --execute does that"),

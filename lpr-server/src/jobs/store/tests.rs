@@ -24,7 +24,10 @@ async fn claim(store: &SqliteStore) -> Claim {
 }
 
 fn point(env_steps: u64) -> Point {
-    Point { env_steps, line: json!({"env_steps": env_steps, "validation/success_rate": 0.1}).to_string() }
+    Point {
+        env_steps,
+        line: json!({"env_steps": env_steps, "validation/success_rate": 0.1}).to_string(),
+    }
 }
 
 fn states(job: &Job) -> Vec<(State, Option<Reason>)> {
@@ -46,8 +49,14 @@ async fn a_job_goes_through_its_states() {
     let ended = Ended { summary: summary.clone(), ..Ended::new(Change::Succeeded) };
     store.finish(claim, &ended).await.unwrap();
     let job = store.job(id).await.unwrap();
-    assert_eq!(states(&job), [(State::Queued, None), (State::Running, None), (State::Succeeded, None)]);
-    assert_eq!((job.env_steps, job.success_rate, job.summary.as_ref()), (Some(4), Some(0.1), summary.as_ref()));
+    assert_eq!(
+        states(&job),
+        [(State::Queued, None), (State::Running, None), (State::Succeeded, None)]
+    );
+    assert_eq!(
+        (job.env_steps, job.success_rate, job.summary.as_ref()),
+        (Some(4), Some(0.1), summary.as_ref())
+    );
     assert!(job.created_at <= job.started_at.unwrap() && job.started_at <= job.finished_at);
     assert_eq!(kinds(&store, id).await, ["state", "state", "metric", "metric", "state", "end"]);
     assert_eq!(store.end(id).await.unwrap(), Some(6));
@@ -77,8 +86,12 @@ async fn lists_are_newest_first_and_filtered() {
     };
     assert_eq!(list(Filter::default(), 9).await, [3, 2, 1, 0]);
     assert_eq!(list(Filter { before: Some(ids[2]), ..Filter::default() }, 1).await, [1]);
-    assert_eq!(list(Filter { task: Some("open_drawer".to_owned()), ..Filter::default() }, 9).await, [1]);
-    let queued = Filter { state: Some(State::Queued), task: Some("reach_target".to_owned()), before: None };
+    assert_eq!(
+        list(Filter { task: Some("open_drawer".to_owned()), ..Filter::default() }, 9).await,
+        [1]
+    );
+    let queued =
+        Filter { state: Some(State::Queued), task: Some("reach_target".to_owned()), before: None };
     assert_eq!(list(queued, 9).await, [3, 0]);
 }
 
@@ -86,7 +99,9 @@ async fn lists_are_newest_first_and_filtered() {
 async fn a_key_adds_one_job_however_often_and_from_how_many_it_comes() {
     let (_folder, store) = store().await;
     let spec = spec("reach_target");
-    let submit = |(store, spec): (SqliteStore, JobSpec)| async move { store.submit(&spec, Some("mine")).await.unwrap() };
+    let submit = |(store, spec): (SqliteStore, JobSpec)| async move {
+        store.submit(&spec, Some("mine")).await.unwrap()
+    };
     let answers: JoinSet<_> = (0..50).map(|_| submit((store.clone(), spec.clone()))).collect();
     let answers = answers.join_all().await;
     assert!(answers.iter().all(|answer| *answer == answers[0]));
@@ -108,7 +123,8 @@ async fn every_job_is_claimed_once_and_the_oldest_first() {
     }
     let take = |store: SqliteStore| async move { store.claim().await.unwrap() };
     let claims: JoinSet<_> = (0..20).map(|_| take(store.clone())).collect();
-    let mut claimed: Vec<_> = claims.join_all().await.into_iter().filter_map(|claim| Some(claim?.0.id)).collect();
+    let mut claimed: Vec<_> =
+        claims.join_all().await.into_iter().filter_map(|claim| Some(claim?.0.id)).collect();
     claimed.sort();
     assert_eq!(claimed, ids);
     let waiting = [submit(&store, "reach_target").await, submit(&store, "reach_target").await];
@@ -121,17 +137,26 @@ async fn an_earlier_attempt_cannot_write_any_more() {
     let id = submit(&store, "reach_target").await;
     let lost = claim(&store).await;
     store.recover().await.unwrap();
-    assert!(matches!(store.append_points(lost, &[point(0)]).await, Err(StoreError::Stale)), "while the job waits");
+    assert!(
+        matches!(store.append_points(lost, &[point(0)]).await, Err(StoreError::Stale)),
+        "while the job waits"
+    );
     let second = claim(&store).await;
     assert_eq!(second, Claim { id, attempt: 2 });
     assert!(matches!(store.append_points(lost, &[point(0)]).await, Err(StoreError::Stale)));
     assert!(matches!(store.rewind(lost, None).await, Err(StoreError::Stale)));
     assert!(matches!(store.state(lost).await, Err(StoreError::Stale)));
-    assert!(matches!(store.finish(lost, &Ended::new(Change::Succeeded)).await, Err(StoreError::Stale)));
+    assert!(matches!(
+        store.finish(lost, &Ended::new(Change::Succeeded)).await,
+        Err(StoreError::Stale)
+    ));
     assert!(matches!(store.lose(lost, None).await, Err(StoreError::Stale)));
     store.append_points(second, &[point(0)]).await.unwrap();
     store.finish(second, &Ended::new(Change::Succeeded)).await.unwrap();
-    assert!(matches!(store.append_points(second, &[point(1)]).await, Err(StoreError::Stale)), "after its end");
+    assert!(
+        matches!(store.append_points(second, &[point(1)]).await, Err(StoreError::Stale)),
+        "after its end"
+    );
     assert_eq!(store.points(id).await.unwrap(), [point(0).line]);
 }
 
@@ -171,7 +196,10 @@ async fn cancelling_is_idempotent_and_comes_too_late_for_what_has_ended() {
     assert_eq!(store.cancel(running).await.unwrap().reason, Some(Reason::CancelledByUser));
     let failed = submit(&store, "reach_target").await;
     store.finish(claim(&store).await, &Ended::failed(Reason::ExitStatus, None)).await.unwrap();
-    assert!(matches!(store.cancel(failed).await, Err(StoreError::Refused(Refused { state: State::Failed }))));
+    assert!(matches!(
+        store.cancel(failed).await,
+        Err(StoreError::Refused(Refused { state: State::Failed }))
+    ));
     assert!(matches!(store.cancel(JobId::generate()).await, Err(StoreError::NoSuchJob)));
 }
 
@@ -193,25 +221,34 @@ async fn a_rewind_takes_later_points_out_of_the_history_and_tells_so() {
     assert_eq!(kinds(&store, id).await, ["state", "state", "metric", "metric", "metric", "rewind"]);
     store.rewind(claim, None).await.unwrap();
     assert_eq!(store.n_points(id).await.unwrap(), 0);
-    assert_eq!(store.events(id, 0, 100).await.unwrap().last().unwrap().data, r#"{"env_steps":null,"points":0}"#);
+    assert_eq!(
+        store.events(id, 0, 100).await.unwrap().last().unwrap().data,
+        r#"{"env_steps":null,"points":0}"#
+    );
 }
 
 #[tokio::test]
 async fn a_file_that_is_no_database_is_refused_and_kept() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("lpr.sqlite");
-    std::fs::write(&path, "my notes, which are long enough for a header of a database, and then some more of them").unwrap();
+    std::fs::write(
+        &path,
+        "my notes, which are long enough for a header of a database, and then some more of them",
+    )
+    .unwrap();
     let before = std::fs::read(&path).unwrap();
     let error = SqliteStore::open(&path).await.unwrap_err().to_string();
-    assert!(error.starts_with(&format!("{}: cannot be used as the database", path.display())), "{error}");
+    assert!(
+        error.starts_with(&format!("{}: cannot be used as the database", path.display())),
+        "{error}"
+    );
     assert_eq!(std::fs::read(&path).unwrap(), before);
 }
 
 #[tokio::test]
 async fn a_database_of_a_newer_version_is_refused() {
     let (folder, store) = store().await;
-    let newer =
-        "INSERT INTO _sqlx_migrations (version, description, success, checksum, execution_time) VALUES (99, '', 1, x'', 0)";
+    let newer = "INSERT INTO _sqlx_migrations (version, description, success, checksum, execution_time) VALUES (99, '', 1, x'', 0)";
     query(newer).execute(&store.pool).await.unwrap();
     let error = SqliteStore::open(&folder.path().join("lpr.sqlite")).await.unwrap_err().to_string();
     assert!(error.contains("newer version of lpr: it has migration 99"), "{error}");

@@ -14,11 +14,9 @@ use tokio::time::timeout;
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Leaves two points and waits until standard input closes.
-const WAITS: &str =
-    r#"mkdir -p "$4"; echo '{"env_steps":0}' > "$4/metrics.jsonl"; echo '{"env_steps":1}' >> "$4/metrics.jsonl"; exec cat"#;
+const WAITS: &str = r#"mkdir -p "$4"; echo '{"env_steps":0}' > "$4/metrics.jsonl"; echo '{"env_steps":1}' >> "$4/metrics.jsonl"; exec cat"#;
 /// Leaves a point and a summary.
-const SUCCEEDS: &str =
-    r#"mkdir -p "$4"; echo '{"env_steps":0}' >> "$4/metrics.jsonl"; echo '{"env_steps":0}' > "$4/summary.json""#;
+const SUCCEEDS: &str = r#"mkdir -p "$4"; echo '{"env_steps":0}' >> "$4/metrics.jsonl"; echo '{"env_steps":0}' > "$4/summary.json""#;
 
 /// A server without an API.
 struct Server {
@@ -37,7 +35,10 @@ impl Server {
         let store = SqliteStore::open(&folder.path().join("lpr.sqlite")).await.unwrap();
         let program = folder.path().join("lpr.sh");
         // Whole or not at all: what is still being written cannot be run.
-        files::write_atomically(&program, |file| write!(file, "#!/bin/sh\necho \"$@\" >> \"$4.calls\"\n{script}\n")).unwrap();
+        files::write_atomically(&program, |file| {
+            write!(file, "#!/bin/sh\necho \"$@\" >> \"$4.calls\"\n{script}\n")
+        })
+        .unwrap();
         fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).unwrap();
         let (phase, receiver) = watch::channel(Phase::Serving);
         let jobs = folder.path().join("jobs");
@@ -123,7 +124,8 @@ async fn a_program_that_cannot_be_run_fails_the_job() {
     let store = SqliteStore::open(&folder.path().join("lpr.sqlite")).await.unwrap();
     let (phase, receiver) = watch::channel(Phase::Serving);
     let program = folder.path().join("absent");
-    let worker = Worker { store: store.clone(), program, jobs: folder.path().join("jobs"), phase: receiver };
+    let worker =
+        Worker { store: store.clone(), program, jobs: folder.path().join("jobs"), phase: receiver };
     let server = Server { folder, store, phase, worker: tokio::spawn(worker.work()) };
     let job = server.job_in(server.submit().await, State::Failed).await;
     assert_eq!(job.reason, Some(Reason::WorkerError));
@@ -156,7 +158,8 @@ async fn a_stopped_server_goes_on_from_the_checkpoint() {
     fs::create_dir_all(run_directory(folder.path(), id).join("checkpoints/00000000")).unwrap();
     let server = Server::restart(folder, SUCCEEDS).await;
     let job = server.job_in(id, State::Succeeded).await;
-    let states: Vec<_> = job.transitions.iter().map(|transition| (transition.state, transition.reason)).collect();
+    let states: Vec<_> =
+        job.transitions.iter().map(|transition| (transition.state, transition.reason)).collect();
     let expected = [
         (State::Queued, None),
         (State::Running, None),
@@ -199,11 +202,18 @@ async fn a_run_that_had_ended_when_its_server_was_killed_is_not_run_again() {
     let folder = server.stop().await;
     let run = run_directory(folder.path(), id);
     // What the process did after the server's last look.
-    fs::write(run.join("metrics.jsonl"), "{\"env_steps\":0}\n{\"env_steps\":1}\n{\"env_steps\":2}\n").unwrap();
+    fs::write(
+        run.join("metrics.jsonl"),
+        "{\"env_steps\":0}\n{\"env_steps\":1}\n{\"env_steps\":2}\n",
+    )
+    .unwrap();
     fs::write(run.join("summary.json"), r#"{"env_steps":2}"#).unwrap();
     let server = Server::restart(folder, "exit 1").await;
     let job = server.job_in(id, State::Succeeded).await;
-    assert_eq!((job.env_steps, job.summary), (Some(2), json!({"env_steps": 2}).as_object().cloned()));
+    assert_eq!(
+        (job.env_steps, job.summary),
+        (Some(2), json!({"env_steps": 2}).as_object().cloned())
+    );
     assert_eq!(server.store.points(id).await.unwrap().len(), 3);
     assert_eq!(calls(server.folder.path(), id).len(), 1);
     server.stop().await;

@@ -1,18 +1,23 @@
-//! The controller's state machine: a value that time and requests change, without a clock or a socket of its own.
+//! The controller's state machine: a value that time and requests change, without a clock or a
+//! socket of its own.
 //!
 //! # Differences from a controller
 //!
 //! - A stop takes effect at once, without slowing down.
 //! - Blend radii are ignored: every motion of the queue ends at rest.
-//! - Settings that change nothing here (limits of reduced mode, fences, outputs) are acknowledged and kept nowhere.
-//! - Neither speeds of a servo stream nor collisions raise errors; leaving the joint limits does (23).
+//! - Settings that change nothing here (limits of reduced mode, fences, outputs) are acknowledged
+//!   and kept nowhere.
+//! - Neither speeds of a servo stream nor collisions raise errors; leaving the joint limits does
+//!   (23).
 
 mod queueing;
 mod reporting;
 
 use super::gripper::Gripper;
 use super::motion::{Addressed, Origin, Queue};
-use crate::xarm::wire::{Answer, Axis, Mode, Power, Reply, Request, State, StateCommand, Status, TcpPose, register};
+use crate::xarm::wire::{
+    Answer, Axis, Mode, Power, Reply, Request, State, StateCommand, Status, TcpPose, register,
+};
 use lpr_core::glamx::{DPose3, Pose3};
 use lpr_core::robot::{DOF, JointConfig, XARM7};
 
@@ -30,8 +35,30 @@ const WARNING_PARAMETER: u8 = 12;
 const WARNING_UNKNOWN: u8 = 13;
 
 /// Registers that are acknowledged and change nothing here.
-const ACKNOWLEDGED: [u8; 22] =
-    [18, 39, 40, 47, 48, 50, 51, 52, 58, 59, 60, 66, 70, 73, 74, 75, 77, 78, 79, 80, register::WRITE_TOOL_16, 146];
+const ACKNOWLEDGED: [u8; 22] = [
+    18,
+    39,
+    40,
+    47,
+    48,
+    50,
+    51,
+    52,
+    58,
+    59,
+    60,
+    66,
+    70,
+    73,
+    74,
+    75,
+    77,
+    78,
+    79,
+    80,
+    register::WRITE_TOOL_16,
+    146,
+];
 
 /// The controller and its arm.
 #[derive(Debug)]
@@ -88,10 +115,16 @@ impl Controller {
         self.gripper.advance(dt_secs);
         let before = self.joints;
         if matches!(self.state, State::Moving | State::Ready) {
-            if self.mode == Mode::SERVO { self.follow_servo(dt_secs) } else { self.follow_queue(dt_secs) }
+            if self.mode == Mode::SERVO {
+                self.follow_servo(dt_secs)
+            } else {
+                self.follow_queue(dt_secs)
+            }
         }
         if dt_secs > 0.0 {
-            self.speeds = core::array::from_fn(|j| ((f64::from(self.joints[j]) - f64::from(before[j])) / dt_secs) as f32);
+            self.speeds = core::array::from_fn(|j| {
+                ((f64::from(self.joints[j]) - f64::from(before[j])) / dt_secs) as f32
+            });
         }
     }
 
@@ -100,7 +133,11 @@ impl Controller {
         let most = (SERVO_SPEED * dt_secs) as f32;
         for (joint, target) in self.joints.iter_mut().zip(target.iter()) {
             // Exactly there, not there but for rounding.
-            *joint = if (target - *joint).abs() <= most { *target } else { *joint + (target - *joint).clamp(-most, most) };
+            *joint = if (target - *joint).abs() <= most {
+                *target
+            } else {
+                *joint + (target - *joint).clamp(-most, most)
+            };
         }
         self.state = if self.joints == target { State::Ready } else { State::Moving };
     }
@@ -116,7 +153,11 @@ impl Controller {
     pub(super) fn take_told(&mut self) -> Vec<Addressed> {
         let micros = self.micros();
         let told = core::mem::take(&mut self.told);
-        told.into_iter().map(|(connection, feedback)| (connection, crate::xarm::wire::Feedback { micros, ..feedback })).collect()
+        told.into_iter()
+            .map(|(connection, feedback)| {
+                (connection, crate::xarm::wire::Feedback { micros, ..feedback })
+            })
+            .collect()
     }
 
     const fn micros(&self) -> u64 {
@@ -171,7 +212,9 @@ impl Controller {
                 let answer = self.gripper.answer(rtu)?;
                 Answer::Rs485(answer)
             }
-            Request::ReadTool { address, .. } => Answer::Value(if *address == TOOL_BAUD_ADDRESS { TOOL_BAUD_INDEX } else { 0 }),
+            Request::ReadTool { address, .. } => {
+                Answer::Value(if *address == TOOL_BAUD_ADDRESS { TOOL_BAUD_INDEX } else { 0 })
+            }
             Request::Other { register: register::GET_TOOL_ERROR, .. } => Answer::Codes(0, 0),
             Request::MoveJoints(_)
             | Request::MoveJointsBlended { .. }
@@ -208,11 +251,14 @@ impl Controller {
                 self.reconfigured();
             }
             Request::Other { register: register::SET_TEACH_SENSITIVITY, params } => {
-                self.teach_sensitivity = *params.first().filter(|level| (1..=5).contains(*level))?;
+                self.teach_sensitivity =
+                    *params.first().filter(|level| (1..=5).contains(*level))?;
                 self.reconfigured();
             }
             Request::Other {
-                register: register::SET_TCP_JERK..=register::SET_JOINT_ACCELERATION | register::SET_LOAD, ..
+                register:
+                    register::SET_TCP_JERK..=register::SET_JOINT_ACCELERATION | register::SET_LOAD,
+                ..
             } => return Some(Answer::Queued(self.queue.len() as u16, None)),
             request if ACKNOWLEDGED.contains(&request.register()) => {}
             _ => {
@@ -245,7 +291,9 @@ impl Controller {
 
     fn set_state(&mut self, command: StateCommand) {
         match command {
-            StateCommand::Run if self.error == 0 && self.drives == Power::On => self.state = State::Ready,
+            StateCommand::Run if self.error == 0 && self.drives == Power::On => {
+                self.state = State::Ready
+            }
             StateCommand::Run => {}
             StateCommand::Pause if self.can_move() => self.state = State::Paused,
             StateCommand::Pause => {}

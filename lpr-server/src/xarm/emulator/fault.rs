@@ -32,7 +32,11 @@ impl FromStr for Fault {
 
     /// For example `mute-replies@20`.
     fn from_str(text: &str) -> Result<Self, String> {
-        let expected = || format!("`{text}`: expected mute-replies, stall-reports, hold-arm, vanish or error-CODE, then @POINTS");
+        let expected = || {
+            format!(
+                "`{text}`: expected mute-replies, stall-reports, hold-arm, vanish or error-CODE, then @POINTS"
+            )
+        };
         let (name, points) = text.split_once('@').ok_or_else(expected)?;
         let kind = match name {
             "mute-replies" => FaultKind::MuteReplies,

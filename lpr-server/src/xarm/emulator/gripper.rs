@@ -6,7 +6,8 @@ use crate::xarm::wire::{Rtu, RtuBody, gripper_register};
 const SLAVE: u8 = 8;
 /// Positions of the closed and the open gripper, pulses.
 const RANGE: (f64, f64) = (-10.0, 850.0);
-/// Pulses a second at one revolution a minute: our choice, a full stroke in 0.6 s at the vendor's default of 1,500.
+/// Pulses a second at one revolution a minute: our choice, a full stroke in 0.6 s at the vendor's
+/// default of 1,500.
 const PULSES_PER_SPEED: f64 = 1.0;
 /// Slowest and fastest speed, revolutions a minute.
 const SPEEDS: (u16, u16) = (1, 5000);
@@ -38,14 +39,16 @@ impl Gripper {
         self.position += (f64::from(self.target) - self.position).clamp(-most, most);
     }
 
-    /// What the device answers to a frame on its bus; none when it is not for it or makes no sense to it.
+    /// What the device answers to a frame on its bus; none when it is not for it or makes no sense
+    /// to it.
     pub(super) fn answer(&mut self, rtu: &Rtu) -> Option<Vec<u8>> {
         if rtu.slave != SLAVE {
             return None;
         }
         match &rtu.body {
             RtuBody::Read { address, count } => {
-                let values: Option<Vec<_>> = (0..*count).map(|idx| self.read(address.checked_add(idx)?)).collect();
+                let values: Option<Vec<_>> =
+                    (0..*count).map(|idx| self.read(address.checked_add(idx)?)).collect();
                 Some(rtu.read_answer(&values?))
             }
             RtuBody::Write { address, values } => {
@@ -71,7 +74,9 @@ impl Gripper {
             TARGET_LOW => self.target as u16,
             gripper_register::POSITION => (position >> 16) as u16,
             POSITION_LOW => position as u16,
-            gripper_register::VERSION..=0x0803 => VERSION[usize::from(address - gripper_register::VERSION)],
+            gripper_register::VERSION..=0x0803 => {
+                VERSION[usize::from(address - gripper_register::VERSION)]
+            }
             _ => return None,
         })
     }
@@ -103,7 +108,9 @@ mod tests {
     }
 
     fn position(gripper: &mut Gripper) -> i32 {
-        let answer = gripper.answer(&rtu(RtuBody::Read { address: gripper_register::POSITION, count: 2 })).unwrap();
+        let answer = gripper
+            .answer(&rtu(RtuBody::Read { address: gripper_register::POSITION, count: 2 }))
+            .unwrap();
         assert_eq!(answer[..4], [9, SLAVE, 3, 4]);
         i32::from_be_bytes(answer[4..].try_into().unwrap())
     }
@@ -111,7 +118,9 @@ mod tests {
     #[test]
     fn it_goes_where_it_is_told_at_its_speed() {
         let mut gripper = Gripper::new();
-        for (address, values) in [(gripper_register::SPEED, vec![100]), (gripper_register::TARGET, vec![0, 600])] {
+        for (address, values) in
+            [(gripper_register::SPEED, vec![100]), (gripper_register::TARGET, vec![0, 600])]
+        {
             gripper.answer(&rtu(RtuBody::Write { address, values })).unwrap();
         }
         gripper.advance(1.0);
@@ -130,7 +139,14 @@ mod tests {
         gripper.answer(&rtu(RtuBody::Write { address: gripper_register::TARGET, values })).unwrap();
         gripper.advance(10.0);
         assert_eq!(position(&mut gripper), -10);
-        assert_eq!(gripper.answer(&Rtu { host: 9, slave: 1, body: RtuBody::Read { address: 0, count: 1 } }), None);
+        assert_eq!(
+            gripper.answer(&Rtu {
+                host: 9,
+                slave: 1,
+                body: RtuBody::Read { address: 0, count: 1 }
+            }),
+            None
+        );
         assert_eq!(gripper.answer(&rtu(RtuBody::Read { address: 0x0f00, count: 1 })), None);
     }
 }

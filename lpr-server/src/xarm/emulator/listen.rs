@@ -58,8 +58,12 @@ fn purposes() -> [(Purpose, u16); 6] {
 }
 
 /// Listens on every port, and says on which.
-pub(super) fn listen(settings: &EmulatorSettings) -> Result<(Ports, Vec<(Purpose, Listener)>), EmulatorError> {
-    let EmulatorSettings { bind, command_port, report_ports: [fast, normal, rich, realtime], .. } = *settings;
+pub(super) fn listen(
+    settings: &EmulatorSettings,
+) -> Result<(Ports, Vec<(Purpose, Listener)>), EmulatorError> {
+    let EmulatorSettings {
+        bind, command_port, report_ports: [fast, normal, rich, realtime], ..
+    } = *settings;
     let stop_port = if command_port == 0 { 0 } else { command_port.saturating_add(1) };
     let mut ports = [command_port, stop_port, fast, normal, rich, realtime];
     let mut listeners = Vec::new();
@@ -78,14 +82,18 @@ fn listen_at(bind: IpAddr, port: &mut u16) -> Result<TcpListener, EmulatorError>
         listener.set_nonblocking(true)?;
         Ok((listener.local_addr()?.port(), listener))
     };
-    let (found, listener) = open().map_err(|source| EmulatorError::Listen { address: address.to_string(), source })?;
+    let (found, listener) =
+        open().map_err(|source| EmulatorError::Listen { address: address.to_string(), source })?;
     *port = found;
     Ok(listener)
 }
 
 /// Unix sockets in `directory`; those that an emulator left behind when it was killed are replaced.
 #[cfg(unix)]
-pub(super) fn listen_at_files(directory: &Path, listeners: &mut Vec<(Purpose, Listener)>) -> Result<Vec<PathBuf>, EmulatorError> {
+pub(super) fn listen_at_files(
+    directory: &Path,
+    listeners: &mut Vec<(Purpose, Listener)>,
+) -> Result<Vec<PathBuf>, EmulatorError> {
     use std::os::unix::net::{UnixListener, UnixStream};
     let mut sockets = Vec::new();
     for (purpose, port) in purposes() {
@@ -102,7 +110,10 @@ pub(super) fn listen_at_files(directory: &Path, listeners: &mut Vec<(Purpose, Li
 }
 
 #[cfg(not(unix))]
-pub(super) fn listen_at_files(directory: &Path, _: &mut Vec<(Purpose, Listener)>) -> Result<Vec<PathBuf>, EmulatorError> {
+pub(super) fn listen_at_files(
+    directory: &Path,
+    _: &mut Vec<(Purpose, Listener)>,
+) -> Result<Vec<PathBuf>, EmulatorError> {
     let path = directory.join(UDS_PREFIX);
     Err(FileError::io("create", &path)(io::Error::from(io::ErrorKind::Unsupported)).into())
 }

@@ -1,7 +1,7 @@
 //! An emulator of the controller that runs in real time and that the vendor's own SDK can drive.
 //!
-//! `controller` is a pure state machine; `server` gives it sockets and the time of day. The arm is the one of `lpr-core`, moves
-//! exactly as it is told, and nothing is in its way.
+//! `controller` is a pure state machine; `server` gives it sockets and the time of day. The arm is
+//! the one of `lpr-core`, moves exactly as it is told, and nothing is in its way.
 
 mod controller;
 mod fault;

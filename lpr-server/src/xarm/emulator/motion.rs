@@ -7,7 +7,8 @@ use lpr_core::path::{JointPath, TimedPath, TimingSettings};
 use lpr_core::robot::{JointConfig, XARM7};
 use std::collections::VecDeque;
 
-/// Fastest joint of the vendor's client, rad/s; the robot's own limit of 2.14 rad/s applies beside it.
+/// Fastest joint of the vendor's client, rad/s; the robot's own limit of 2.14 rad/s applies beside
+/// it.
 const MAX_JOINT_SPEED: f64 = PI;
 /// Greatest acceleration of a joint, rad/s².
 const MAX_JOINT_ACCELERATION: f64 = 20.0;
@@ -48,7 +49,13 @@ pub(super) enum TaskKind {
 }
 
 impl Task {
-    pub(super) const fn new(number: u16, register: u8, origin: Origin, mask: u8, kind: TaskKind) -> Self {
+    pub(super) const fn new(
+        number: u16,
+        register: u8,
+        origin: Origin,
+        mask: u8,
+        kind: TaskKind,
+    ) -> Self {
         Self { number, register, origin, mask, kind, elapsed: 0.0, started: false }
     }
 
@@ -63,7 +70,10 @@ impl Task {
         let Origin { connection, transaction, protocol } = self.origin;
         let wanted = self.mask & kind as u8 != 0;
         let (register, task) = (self.register, self.number);
-        wanted.then_some((connection, Feedback { transaction, protocol, register, kind, code, task, micros: 0 }))
+        wanted.then_some((
+            connection,
+            Feedback { transaction, protocol, register, kind, code, task, micros: 0 },
+        ))
     }
 }
 
@@ -92,7 +102,11 @@ impl Queue {
     }
 
     /// Runs tasks for `dt_secs`; says where the arm is then, if something moved it.
-    pub(super) fn advance(&mut self, dt_secs: f64, told: &mut Vec<Addressed>) -> Option<JointConfig> {
+    pub(super) fn advance(
+        &mut self,
+        dt_secs: f64,
+        told: &mut Vec<Addressed>,
+    ) -> Option<JointConfig> {
         let (mut left, mut at) = (dt_secs, None);
         while let Some(task) = self.0.front_mut() {
             if !task.started {
@@ -119,27 +133,51 @@ impl Queue {
 
     /// Forgets every task.
     pub(super) fn discard(&mut self, told: &mut Vec<Addressed>) {
-        told.extend(self.0.drain(..).filter_map(|task| task.feedback(FeedbackKind::End, FeedbackCode::Discarded)));
+        told.extend(
+            self.0
+                .drain(..)
+                .filter_map(|task| task.feedback(FeedbackKind::End, FeedbackCode::Discarded)),
+        );
     }
 }
 
-/// The motion in a straight line of the joints whose farthest joint goes at that speed, rad/s, and acceleration, rad/s².
-pub(super) fn joint_motion(start: JointConfig, goal: JointConfig, speed: f64, acceleration: f64) -> TimedPath {
+/// The motion in a straight line of the joints whose farthest joint goes at that speed, rad/s, and
+/// acceleration, rad/s².
+pub(super) fn joint_motion(
+    start: JointConfig,
+    goal: JointConfig,
+    speed: f64,
+    acceleration: f64,
+) -> TimedPath {
     let path = JointPath::new(vec![start, goal]).expect("both ends were checked to be finite");
-    timed(path, speed.clamp(MIN_PACE, MAX_JOINT_SPEED), acceleration.clamp(MIN_PACE, MAX_JOINT_ACCELERATION))
+    timed(
+        path,
+        speed.clamp(MIN_PACE, MAX_JOINT_SPEED),
+        acceleration.clamp(MIN_PACE, MAX_JOINT_ACCELERATION),
+    )
 }
 
 /// `path` with the speed and acceleration of its farthest joint, taken from end to end.
 fn timed(path: JointPath, speed: f64, acceleration: f64) -> TimedPath {
     let length = f64::from(path.length());
-    let farthest: f32 = path.configs().windows(2).map(|pair| pair[0].max_joint_distance(&pair[1])).sum();
+    let farthest: f32 =
+        path.configs().windows(2).map(|pair| pair[0].max_joint_distance(&pair[1])).sum();
     let scale = if farthest > 0.0 { length / f64::from(farthest) } else { 1.0 };
-    let settings = TimingSettings { max_velocity: (speed * scale) as f32, max_acceleration: (acceleration * scale) as f32 };
+    let settings = TimingSettings {
+        max_velocity: (speed * scale) as f32,
+        max_acceleration: (acceleration * scale) as f32,
+    };
     TimedPath::new(path, &XARM7, &settings).expect("the pace is positive")
 }
 
-/// The motion of the flange along a straight line; speed in m/s or rad/s, whichever takes longer. None out of reach.
-pub(super) fn line_motion(start: JointConfig, world_from_flange: DPose3, speed: f64, acceleration: f64) -> Option<TimedPath> {
+/// The motion of the flange along a straight line; speed in m/s or rad/s, whichever takes longer.
+/// None out of reach.
+pub(super) fn line_motion(
+    start: JointConfig,
+    world_from_flange: DPose3,
+    speed: f64,
+    acceleration: f64,
+) -> Option<TimedPath> {
     let from = XARM7.flange(&start);
     let distance = (world_from_flange.translation - from.translation).length();
     let extent = distance.max(from.rotation.angle_between(world_from_flange.rotation));
@@ -150,11 +188,17 @@ pub(super) fn line_motion(start: JointConfig, world_from_flange: DPose3, speed: 
         let translation = from.translation.lerp(world_from_flange.translation, fraction);
         let rotation = from.rotation.slerp(world_from_flange.rotation, fraction);
         let world_from_grip = DPose3::from_parts(translation, rotation) * XARM7.flange_from_grip;
-        configs.push(XARM7.ik_step(&Pose3::from(world_from_grip), configs.last().unwrap_or(&start))?);
+        configs
+            .push(XARM7.ik_step(&Pose3::from(world_from_grip), configs.last().unwrap_or(&start))?);
     }
     let path = JointPath::new(configs).ok()?;
     // Of the tool to those of the joints, in the mean over the line.
     let scale = f64::from(path.length()) / extent.max(1e-9);
     let pace = |value: f64| (value.max(MIN_PACE) * scale).max(MIN_PACE) as f32;
-    TimedPath::new(path, &XARM7, &TimingSettings { max_velocity: pace(speed), max_acceleration: pace(acceleration) }).ok()
+    TimedPath::new(
+        path,
+        &XARM7,
+        &TimingSettings { max_velocity: pace(speed), max_acceleration: pace(acceleration) },
+    )
+    .ok()
 }

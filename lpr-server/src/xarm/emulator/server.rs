@@ -7,7 +7,10 @@ use super::listen::{Channel, EmulatorError, Purpose, listen, listen_at_files};
 use super::motion::{ConnectionId, Origin};
 use super::socket::{Listener, Socket};
 use crate::xarm::Ports;
-use crate::xarm::wire::{Answer, Frame, FrameReader, HEARTBEAT_PROTOCOL, MODBUS_PROTOCOL, Reply, Report, ReportKind, Request};
+use crate::xarm::wire::{
+    Answer, Frame, FrameReader, HEARTBEAT_PROTOCOL, MODBUS_PROTOCOL, Reply, Report, ReportKind,
+    Request,
+};
 use std::collections::BTreeMap;
 use std::io::{self, Read as _, Write as _};
 use std::path::PathBuf;
@@ -73,7 +76,11 @@ impl Emulator {
     /// When a port or a socket file is taken or not allowed: the message names it.
     pub fn start(settings: EmulatorSettings) -> Result<Self, EmulatorError> {
         let (ports, mut listeners) = listen(&settings)?;
-        let sockets = settings.uds.as_deref().map(|directory| listen_at_files(directory, &mut listeners)).transpose()?;
+        let sockets = settings
+            .uds
+            .as_deref()
+            .map(|directory| listen_at_files(directory, &mut listeners))
+            .transpose()?;
         let shared = Arc::new(Shared::new(settings));
         let mut threads = vec![spawn(&shared, Shared::tick)];
         for (purpose, listener) in listeners {
@@ -116,7 +123,10 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 impl Shared {
     fn new(EmulatorSettings { firmware, start, fault, received, .. }: EmulatorSettings) -> Self {
         Self {
-            clocked: Mutex::new(Clocked { controller: Controller::new(&firmware, start), until: Instant::now() }),
+            clocked: Mutex::new(Clocked {
+                controller: Controller::new(&firmware, start),
+                until: Instant::now(),
+            }),
             commanders: Mutex::default(),
             reporters: Mutex::default(),
             ends: AtomicBool::new(false),
@@ -201,7 +211,9 @@ impl Shared {
             }
             let bytes = Report::encode(&self.now().controller.report(*kind));
             // A client that does not read, or is gone, is cut off: half a report would be worse.
-            reporters.retain_mut(|(of, socket)| of != kind || socket.write(&bytes).is_ok_and(|n| n == bytes.len()));
+            reporters.retain_mut(|(of, socket)| {
+                of != kind || socket.write(&bytes).is_ok_and(|n| n == bytes.len())
+            });
         }
     }
 
@@ -233,7 +245,9 @@ impl Shared {
 
     /// Answers one client until it is gone.
     fn serve(&self, channel: Channel, mut socket: Socket) {
-        let Ok(writer) = socket.try_clone().map(|socket| Arc::new(Mutex::new(socket))) else { return };
+        let Ok(writer) = socket.try_clone().map(|socket| Arc::new(Mutex::new(socket))) else {
+            return;
+        };
         let connection = self.next_connection.fetch_add(1, Ordering::Relaxed);
         lock(&self.commanders).insert(connection, Arc::clone(&writer));
         let mut reader = FrameReader::default();
@@ -269,7 +283,9 @@ impl Shared {
             // Held until the reply is out, so that no feedback overtakes it.
             let mut writer = lock(writer);
             let reply = self.reply(&frame, connection, channel);
-            if let Some(reply) = reply.filter(|_| channel == Channel::Stop || !self.suffers(FaultKind::MuteReplies)) {
+            if let Some(reply) =
+                reply.filter(|_| channel == Channel::Stop || !self.suffers(FaultKind::MuteReplies))
+            {
                 writer.write_all(&reply.encode())?;
             }
             if self.suffers(FaultKind::Vanish) {
@@ -307,15 +323,22 @@ impl Shared {
                 clocked.controller.raise(code);
             }
             if self.suffers(FaultKind::HoldArm) {
-                return Reply { status: clocked.controller.status(), answer: Answer::Done }.to_frame(frame);
+                return Reply { status: clocked.controller.status(), answer: Answer::Done }
+                    .to_frame(frame);
             }
         }
-        clocked.controller.answer(&request, Origin { connection, transaction, protocol }).to_frame(frame)
+        clocked
+            .controller
+            .answer(&request, Origin { connection, transaction, protocol })
+            .to_frame(frame)
     }
 }
 
 fn is_timeout(error: &io::Error) -> bool {
-    matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut | io::ErrorKind::Interrupted)
+    matches!(
+        error.kind(),
+        io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut | io::ErrorKind::Interrupted
+    )
 }
 
 /// The answer of standard Modbus to a function that is not there.

@@ -4,8 +4,9 @@ use super::controller::Controller;
 use super::motion::Origin;
 use super::*;
 use crate::xarm::wire::{
-    Answer, Axis, Check, Feedback, FeedbackCode, FeedbackKind, Frame, FrameReader, JointMove, LineForm, LineMove,
-    MODBUS_PROTOCOL, Mode, Pace, Power, Reply, ReportKind, Request, State, StateCommand, Status, TcpPose,
+    Answer, Axis, Check, Feedback, FeedbackCode, FeedbackKind, Frame, FrameReader, JointMove,
+    LineForm, LineMove, MODBUS_PROTOCOL, Mode, Pace, Power, Reply, ReportKind, Request, State,
+    StateCommand, Status, TcpPose,
 };
 use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
@@ -30,7 +31,8 @@ impl Desk {
 
     fn ask(&mut self, request: &Request) -> Reply {
         self.transaction += 1;
-        self.controller.answer(request, Origin { connection: 7, transaction: self.transaction, protocol: 3 })
+        self.controller
+            .answer(request, Origin { connection: 7, transaction: self.transaction, protocol: 3 })
     }
 
     fn state(&mut self) -> State {
@@ -46,7 +48,9 @@ impl Desk {
 
     fn told(&mut self) -> Vec<(FeedbackKind, FeedbackCode, u16)> {
         let told = self.controller.take_told();
-        told.into_iter().map(|(_, Feedback { kind, code, transaction, .. })| (kind, code, transaction)).collect()
+        told.into_iter()
+            .map(|(_, Feedback { kind, code, transaction, .. })| (kind, code, transaction))
+            .collect()
     }
 }
 
@@ -62,9 +66,19 @@ fn it_moves_only_after_enabling_a_mode_and_running() {
     let mut desk = Desk { controller: Controller::new("2.5.0", XARM7.start), transaction: 0 };
     assert_eq!(desk.state(), State::Stopped);
     let refused = desk.ask(&turn(0.5));
-    assert_eq!(refused, Reply { status: Status(Status::NOT_READY), answer: Answer::Queued(0, None) });
-    assert_eq!(desk.ask(&Request::SetState(StateCommand::Run)).status, Status(Status::NOT_READY), "drives are off");
-    assert_eq!(desk.ask(&Request::EnableMotion(Axis::ALL, Power::On)).status, Status(Status::NOT_READY));
+    assert_eq!(
+        refused,
+        Reply { status: Status(Status::NOT_READY), answer: Answer::Queued(0, None) }
+    );
+    assert_eq!(
+        desk.ask(&Request::SetState(StateCommand::Run)).status,
+        Status(Status::NOT_READY),
+        "drives are off"
+    );
+    assert_eq!(
+        desk.ask(&Request::EnableMotion(Axis::ALL, Power::On)).status,
+        Status(Status::NOT_READY)
+    );
     assert_eq!(desk.state(), State::Reconfigured);
     desk.ask(&Request::SetMode(Mode::POSITION, Some(0)));
     assert_eq!(desk.state(), State::Reconfigured);
@@ -133,7 +147,14 @@ fn a_stop_ends_the_motion_at_once_and_discards_the_queue() {
     assert_eq!((desk.joints(), desk.state()), (stopped_at, State::Stopped));
     assert!(stopped_at[0] > 0.1 && stopped_at[0] < 0.9);
     let discarded = |transaction| (FeedbackKind::End, FeedbackCode::Discarded, transaction);
-    assert_eq!(desk.told(), [(FeedbackKind::Start, FeedbackCode::Done, asked - 1), discarded(asked - 1), discarded(asked)]);
+    assert_eq!(
+        desk.told(),
+        [
+            (FeedbackKind::Start, FeedbackCode::Done, asked - 1),
+            discarded(asked - 1),
+            discarded(asked)
+        ]
+    );
 }
 
 #[test]
@@ -153,7 +174,10 @@ fn a_pause_waits_and_running_goes_on() {
 
 #[test]
 fn leaving_the_joint_limits_is_an_error_until_it_is_cleared() {
-    for (mode, request) in [(Mode::POSITION, turn(7.0)), (Mode::SERVO, Request::ServoJoints(JointConfig([7.0; 7]), PACE))] {
+    for (mode, request) in [
+        (Mode::POSITION, turn(7.0)),
+        (Mode::SERVO, Request::ServoJoints(JointConfig([7.0; 7]), PACE)),
+    ] {
         let mut desk = Desk::ready(mode);
         assert_eq!(desk.ask(&request).status, Status(Status::ERROR | Status::NOT_READY));
         assert_eq!(desk.ask(&Request::GetError).answer, Answer::Codes(23, 0));
@@ -199,14 +223,22 @@ fn motions_of_another_mode_are_invalid() {
     let servo = Request::ServoJoints(XARM7.start, PACE);
     assert!(Desk::ready(Mode::POSITION).ask(&servo).status.has(Status::INVALID));
     assert!(Desk::ready(Mode::SERVO).ask(&turn(0.1)).status.has(Status::INVALID));
-    assert!(Desk::ready(Mode::POSITION).ask(&Request::SetMode(Mode(9), None)).status.has(Status::INVALID));
+    assert!(
+        Desk::ready(Mode::POSITION)
+            .ask(&Request::SetMode(Mode(9), None))
+            .status
+            .has(Status::INVALID)
+    );
 }
 
 #[test]
 fn a_register_that_does_not_exist_is_answered_and_warned_of() {
     let mut desk = Desk::ready(Mode::POSITION);
     let reply = desk.ask(&Request::Other { register: 222, params: vec![1, 2] });
-    assert_eq!(reply, Reply { status: Status(Status::INVALID | Status::WARNING), answer: Answer::Done });
+    assert_eq!(
+        reply,
+        Reply { status: Status(Status::INVALID | Status::WARNING), answer: Answer::Done }
+    );
     assert_eq!(desk.ask(&Request::GetError).answer, Answer::Codes(0, 13));
     desk.ask(&Request::CleanWarning);
     assert_eq!(desk.ask(&Request::GetState).status, Status(0));
@@ -223,14 +255,19 @@ fn a_line_keeps_the_tool_on_it() {
     let mut target = [None; 6];
     target[1] = Some(from.position[1] + 0.1);
     let pace = Pace { speed: 0.1, acceleration: 1.0, duration: 0.0 };
-    let form = LineForm::Common { radius: None, frame: 0, rotation: 0, check: Check::Move, kind: None };
+    let form =
+        LineForm::Common { radius: None, frame: 0, rotation: 0, check: Check::Move, kind: None };
     let reply = desk.ask(&Request::MoveLine(LineMove { target, pace, form }));
     assert_eq!(reply, Reply { status: Status(0), answer: Answer::Queued(1, Some(0)) });
     let mut before = from.position[1];
     while desk.state() == State::Moving {
         desk.controller.advance(0.01);
         let TcpPose { position: [x, y, z], rpy } = pose(&mut desk);
-        assert!((x - from.position[0]).abs() < 1e-4 && (z - from.position[2]).abs() < 1e-4 && y >= before - 1e-6);
+        assert!(
+            (x - from.position[0]).abs() < 1e-4
+                && (z - from.position[2]).abs() < 1e-4
+                && y >= before - 1e-6
+        );
         assert!((rpy[1] - from.rpy[1]).abs() < 1e-3 && (rpy[2] - from.rpy[2]).abs() < 1e-3);
         before = y;
     }
@@ -246,7 +283,8 @@ fn inverse_kinematics_lead_back_to_the_pose() {
     let Answer::Pose(pose) = desk.ask(&Request::GetFk(config)).answer else { panic!("no pose") };
     let found = desk.ask(&Request::GetIk(pose)).answer.joints().unwrap();
     let Answer::Pose(again) = desk.ask(&Request::GetFk(found)).answer else { panic!("no pose") };
-    for (a, b) in pose.position.iter().chain(&pose.rpy).zip(again.position.iter().chain(&again.rpy)) {
+    for (a, b) in pose.position.iter().chain(&pose.rpy).zip(again.position.iter().chain(&again.rpy))
+    {
         assert!((a - b).abs() < 1e-5, "{pose:?} {again:?}");
     }
 }
@@ -309,7 +347,8 @@ fn heart_beats_are_not_answered_and_standard_modbus_is_refused() {
     let emulator = free();
     let mut client = connect(emulator.ports().command);
     client.write_all(&[0, 0, 0, 1, 0, 2, 0, 0]).unwrap();
-    let read_holding = Frame { transaction: 5, protocol: MODBUS_PROTOCOL, body: vec![1, 3, 0, 0x20, 0, 1] };
+    let read_holding =
+        Frame { transaction: 5, protocol: MODBUS_PROTOCOL, body: vec![1, 3, 0, 0x20, 0, 1] };
     client.write_all(&read_holding.encode()).unwrap();
     assert_eq!(frame(&mut client), Frame { body: vec![1, 0x83, 1], ..read_holding });
 }
@@ -317,11 +356,14 @@ fn heart_beats_are_not_answered_and_standard_modbus_is_refused() {
 #[test]
 fn a_client_that_lost_its_place_is_cut_off_and_others_stay() {
     let emulator = free();
-    let (mut lost, mut other) = (connect(emulator.ports().command), connect(emulator.ports().command));
+    let (mut lost, mut other) =
+        (connect(emulator.ports().command), connect(emulator.ports().command));
     lost.write_all(&[0, 1, 0, 2, 0xff, 0xff, 1]).unwrap();
     assert_eq!(lost.read(&mut [0; 8]).unwrap(), 0);
     other.write_all(&Request::GetVersion.to_frame(1, 2).encode()).unwrap();
-    let Answer::Text(version) = Reply::from_frame(&frame(&mut other)).unwrap().answer else { panic!("no text") };
+    let Answer::Text(version) = Reply::from_frame(&frame(&mut other)).unwrap().answer else {
+        panic!("no text")
+    };
     assert!(version.ends_with("v2.5.0"), "{version}");
 }
 
@@ -341,11 +383,17 @@ fn it_moves_in_real_time_and_reports_it() {
 fn unix_sockets_have_the_names_of_a_controllers_ports() {
     use std::os::unix::net::UnixStream;
     let directory = tempfile::tempdir().unwrap();
-    let settings = EmulatorSettings { uds: Some(directory.path().to_owned()), ..EmulatorSettings::on_free_ports() };
+    let settings = EmulatorSettings {
+        uds: Some(directory.path().to_owned()),
+        ..EmulatorSettings::on_free_ports()
+    };
     let emulator = Emulator::start(settings).unwrap();
     let mut client = UnixStream::connect(directory.path().join("xarmcontroller_uds_502")).unwrap();
     client.write_all(&Request::GetState.to_frame(1, 2).encode()).unwrap();
-    assert_eq!(Reply::from_frame(&frame(&mut client)).unwrap().answer, Answer::State(State::Stopped));
+    assert_eq!(
+        Reply::from_frame(&frame(&mut client)).unwrap().answer,
+        Answer::State(State::Stopped)
+    );
     assert!(directory.path().join("xarmcontroller_uds_30003").exists());
     drop(emulator);
     assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 0);
@@ -355,6 +403,8 @@ fn unix_sockets_have_the_names_of_a_controllers_ports() {
 fn a_port_that_is_taken_is_named() {
     let emulator = free();
     let command_port = emulator.ports().command;
-    let error = Emulator::start(EmulatorSettings { command_port, ..EmulatorSettings::on_free_ports() }).unwrap_err();
+    let error =
+        Emulator::start(EmulatorSettings { command_port, ..EmulatorSettings::on_free_ports() })
+            .unwrap_err();
     assert!(error.to_string().contains(&format!("127.0.0.1:{command_port}")), "{error}");
 }

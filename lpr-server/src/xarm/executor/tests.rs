@@ -29,7 +29,8 @@ struct Setup {
 impl Setup {
     fn new(fault: Option<Fault>) -> Self {
         let (sender, received) = channel();
-        let settings = EmulatorSettings { fault, received: Some(sender), ..EmulatorSettings::on_free_ports() };
+        let settings =
+            EmulatorSettings { fault, received: Some(sender), ..EmulatorSettings::on_free_ports() };
         let emulator = Emulator::start(settings).unwrap();
         let link = connect(&emulator);
         Self { emulator, received, link }
@@ -46,7 +47,8 @@ impl Setup {
 }
 
 fn connect(emulator: &Emulator) -> Link {
-    Link::connect(std::net::Ipv4Addr::LOCALHOST.into(), emulator.ports(), Duration::from_secs(5)).unwrap()
+    Link::connect(std::net::Ipv4Addr::LOCALHOST.into(), emulator.ports(), Duration::from_secs(5))
+        .unwrap()
 }
 
 /// A turn of the first joint from `start` in less than a second.
@@ -93,7 +95,8 @@ fn a_path_is_streamed_point_by_point_to_its_end() {
     assert_eq!(execution.points_sent, path.points().len());
     assert!(farthest(&execution.arrived_at, path.goal()).1 <= 1e-4, "{execution:?}");
     let received = setup.received();
-    let sent: Vec<_> = path.points().iter().map(|point| Request::ServoJoints(*point, SERVO_PACE)).collect();
+    let sent: Vec<_> =
+        path.points().iter().map(|point| Request::ServoJoints(*point, SERVO_PACE)).collect();
     assert_eq!(requests(&received, register::SERVO_JOINTS), sent);
     assert!(!received.iter().any(is_stop));
     assert_eq!(setup.link.commands.state().unwrap(), State::Ready);
@@ -105,7 +108,8 @@ fn a_path_is_streamed_point_by_point_to_its_end() {
 fn observing_sends_nothing_that_enables_or_moves() {
     let mut setup = Setup::new(None);
     assert_eq!(setup.link.measured().unwrap(), XARM7.start);
-    let registers: Vec<_> = setup.received().iter().map(|received| received.frame.body[0]).collect();
+    let registers: Vec<_> =
+        setup.received().iter().map(|received| received.frame.body[0]).collect();
     assert_eq!(registers, [register::GET_JOINTS]);
 }
 
@@ -113,7 +117,10 @@ fn observing_sends_nothing_that_enables_or_moves() {
 fn a_reply_that_does_not_come_ends_the_stream_and_stops_the_arm() {
     let mut setup = Setup::new(Some(Fault { kind: FaultKind::MuteReplies, after_points: 20 }));
     let watchdogs = Watchdogs { reply_timeout: Duration::from_secs(1), ..PATIENT };
-    let error = setup.link.execute(&path_from(XARM7.start), &watchdogs, &AtomicBool::new(false)).unwrap_err();
+    let error = setup
+        .link
+        .execute(&path_from(XARM7.start), &watchdogs, &AtomicBool::new(false))
+        .unwrap_err();
     assert!(matches!(error.cause, Cause::Client(ClientError::Timeout { .. })), "{error}");
     assert_eq!((error.points_sent, error.stop), (20, StopOutcome::Acknowledged));
     let received = setup.received();
@@ -126,7 +133,10 @@ fn a_reply_that_does_not_come_ends_the_stream_and_stops_the_arm() {
 fn reports_that_stop_coming_end_the_stream_and_stop_the_arm() {
     let mut setup = Setup::new(Some(Fault { kind: FaultKind::StallReports, after_points: 10 }));
     let watchdogs = Watchdogs { report_timeout: Duration::from_millis(250), ..PATIENT };
-    let error = setup.link.execute(&path_from(XARM7.start), &watchdogs, &AtomicBool::new(false)).unwrap_err();
+    let error = setup
+        .link
+        .execute(&path_from(XARM7.start), &watchdogs, &AtomicBool::new(false))
+        .unwrap_err();
     assert!(matches!(error.cause, Cause::ReportStalled { .. }), "{error}");
     assert!(error.points_sent < error.n_points, "{error}");
     let received = setup.received();
@@ -157,20 +167,28 @@ fn an_error_of_the_controller_ends_the_stream_with_its_number() {
 fn an_arm_that_does_not_follow_is_stopped() {
     let mut setup = Setup::new(Some(Fault { kind: FaultKind::HoldArm, after_points: 5 }));
     let watchdogs = Watchdogs { max_tracking_error: 0.1, ..PATIENT };
-    let error = setup.link.execute(&path_from(XARM7.start), &watchdogs, &AtomicBool::new(false)).unwrap_err();
+    let error = setup
+        .link
+        .execute(&path_from(XARM7.start), &watchdogs, &AtomicBool::new(false))
+        .unwrap_err();
     let Cause::Tracking { joint: 1, error: distance } = error.cause else { panic!("{error}") };
     assert!(distance > 0.1 && distance < 0.2 && error.points_sent < error.n_points, "{error}");
     assert_stopped_for_good(&setup.received());
 }
 
 /// Executes a path, and does something else once ten points were received.
-fn execute_and(setup: &mut Setup, interrupted: &AtomicBool, then: impl FnOnce(&Emulator) + Send) -> ExecutionError {
+fn execute_and(
+    setup: &mut Setup,
+    interrupted: &AtomicBool,
+    then: impl FnOnce(&Emulator) + Send,
+) -> ExecutionError {
     let (emulator, received, link) = (&setup.emulator, &setup.received, &mut setup.link);
     // Far from its end when the other thread gets its turn.
     let path = path_at(XARM7.start, 0.05);
     thread::scope(|scope| {
         let run = scope.spawn(|| link.execute(&path, &PATIENT, interrupted));
-        let mut points = received.iter().filter(|received| received.frame.body[0] == register::SERVO_JOINTS);
+        let mut points =
+            received.iter().filter(|received| received.frame.body[0] == register::SERVO_JOINTS);
         assert!(points.nth(9).is_some());
         then(emulator);
         run.join().unwrap().unwrap_err()
@@ -181,13 +199,17 @@ fn execute_and(setup: &mut Setup, interrupted: &AtomicBool, then: impl FnOnce(&E
 fn an_interrupt_stops_the_arm_where_it_is() {
     let mut setup = Setup::new(None);
     let interrupted = AtomicBool::new(false);
-    let error = execute_and(&mut setup, &interrupted, |_| interrupted.store(true, Ordering::Relaxed));
+    let error =
+        execute_and(&mut setup, &interrupted, |_| interrupted.store(true, Ordering::Relaxed));
     assert!(matches!(error.cause, Cause::Interrupted), "{error}");
     assert_eq!(error.stop, StopOutcome::Acknowledged);
     assert_stopped_for_good(&setup.received());
     assert_eq!(setup.link.commands.state().unwrap(), State::Stopped);
     let stopped_at = setup.link.measured().unwrap();
-    assert!(stopped_at[0] > XARM7.start[0] && stopped_at[0] < XARM7.start[0] + 0.25, "{stopped_at:?}");
+    assert!(
+        stopped_at[0] > XARM7.start[0] && stopped_at[0] < XARM7.start[0] + 0.25,
+        "{stopped_at:?}"
+    );
 }
 
 #[test]
@@ -196,7 +218,13 @@ fn a_stop_by_someone_else_ends_the_stream() {
     let error = execute_and(&mut setup, &AtomicBool::new(false), |emulator| {
         connect(emulator).commands.command(&Request::SetState(StateCommand::Stop)).unwrap();
     });
-    assert!(matches!(error.cause, Cause::TakenOver { state: State::Stopped, .. } | Cause::PointRefused(_)), "{error}");
+    assert!(
+        matches!(
+            error.cause,
+            Cause::TakenOver { state: State::Stopped, .. } | Cause::PointRefused(_)
+        ),
+        "{error}"
+    );
     assert_stopped_for_good(&setup.received());
 }
 
@@ -233,7 +261,10 @@ fn someone_moves(setup: &Setup, angle: f32) -> Result<(), ClientError> {
 #[track_caller]
 fn assert_only_looked(received: &[Received]) {
     let registers: Vec<_> = received.iter().map(|received| received.frame.body[0]).collect();
-    assert!(registers.iter().all(|it| [register::GET_ERROR, register::GET_STATE].contains(it)), "{registers:?}");
+    assert!(
+        registers.iter().all(|it| [register::GET_ERROR, register::GET_STATE].contains(it)),
+        "{registers:?}"
+    );
 }
 
 #[test]

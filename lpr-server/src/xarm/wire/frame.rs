@@ -31,9 +31,17 @@ impl Frame {
     /// Its bytes.
     #[must_use]
     pub fn encode(&self) -> Vec<u8> {
-        debug_assert!((1..=MAX_BODY).contains(&self.body.len()), "a body of {} bytes", self.body.len());
+        debug_assert!(
+            (1..=MAX_BODY).contains(&self.body.len()),
+            "a body of {} bytes",
+            self.body.len()
+        );
         let mut writer = Writer::default();
-        writer.u16(self.transaction).u16(self.protocol).u16(self.body.len() as u16).bytes(&self.body);
+        writer
+            .u16(self.transaction)
+            .u16(self.protocol)
+            .u16(self.body.len() as u16)
+            .bytes(&self.body);
         writer.0
     }
 
@@ -64,10 +72,13 @@ impl FrameReader {
     ///
     /// # Errors
     ///
-    /// When a length is impossible: where the next frame begins is unknown from then on, so the connection has to be closed.
+    /// When a length is impossible: where the next frame begins is unknown from then on, so the
+    /// connection has to be closed.
     pub fn next_frame(&mut self) -> Result<Option<Frame>> {
         let mut reader = Reader(&self.buffer);
-        let (Some(transaction), Some(protocol), Some(length)) = (reader.u16(), reader.u16(), reader.u16()) else {
+        let (Some(transaction), Some(protocol), Some(length)) =
+            (reader.u16(), reader.u16(), reader.u16())
+        else {
             return Ok(None);
         };
         let length = usize::from(length);

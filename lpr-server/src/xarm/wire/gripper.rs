@@ -97,10 +97,15 @@ fn read_body(bytes: &[u8]) -> Option<RtuBody> {
         READ if reader.is_empty() => Some(RtuBody::Read { address, count }),
         WRITE => {
             let n_bytes = reader.u8()?;
-            if u16::from(n_bytes) != count.checked_mul(2)? || reader.0.len() != usize::from(n_bytes) {
+            if u16::from(n_bytes) != count.checked_mul(2)? || reader.0.len() != usize::from(n_bytes)
+            {
                 return None;
             }
-            let values = reader.0.chunks_exact(2).map(|pair| u16::from_be_bytes([pair[0], pair[1]])).collect();
+            let values = reader
+                .0
+                .chunks_exact(2)
+                .map(|pair| u16::from_be_bytes([pair[0], pair[1]]))
+                .collect();
             Some(RtuBody::Write { address, values })
         }
         _ => None,

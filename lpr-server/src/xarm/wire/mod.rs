@@ -1,8 +1,8 @@
 //! The controller's wire protocol, both directions, without a socket.
 //!
-//! Inside the project lengths are metres and angles radians. On the wire lengths are millimetres; integers of headers are big
-//! endian and floating-point parameters little endian. A number that is converted is an `f64`, so that an `f32` of the wire comes
-//! back bit for bit.
+//! Inside the project lengths are metres and angles radians. On the wire lengths are millimetres;
+//! integers of headers are big endian and floating-point parameters little endian. A number that is
+//! converted is an `f64`, so that an `f32` of the wire comes back bit for bit.
 
 mod bytes;
 mod frame;
@@ -15,15 +15,19 @@ mod request;
 #[cfg(test)]
 mod tests;
 
-pub use frame::{Frame, FrameReader, HEARTBEAT_PROTOCOL, MAX_BODY, MODBUS_PROTOCOL, PRIVATE_PROTOCOL};
+pub use frame::{
+    Frame, FrameReader, HEARTBEAT_PROTOCOL, MAX_BODY, MODBUS_PROTOCOL, PRIVATE_PROTOCOL,
+};
 pub use gripper::{Rtu, RtuBody, gripper_register};
 pub use pose::TcpPose;
 pub use reply::{Answer, Feedback, FeedbackCode, FeedbackKind, Reply, Status};
 pub use report::{
-    FAST_BYTES, FastReport, Health, Motion, NORMAL_BYTES, NormalReport, REALTIME_BYTES, RICH_BYTES, RealtimeReport, Report,
-    ReportKind, ReportReader, RichReport,
+    FAST_BYTES, FastReport, Health, Motion, NORMAL_BYTES, NormalReport, REALTIME_BYTES, RICH_BYTES,
+    RealtimeReport, Report, ReportKind, ReportReader, RichReport,
 };
-pub use request::{Axis, Check, JointMove, LineForm, LineMove, Mode, Pace, Power, Request, StateCommand};
+pub use request::{
+    Axis, Check, JointMove, LineForm, LineMove, Mode, Pace, Power, Request, StateCommand,
+};
 
 use thiserror::Error;
 
@@ -65,7 +69,14 @@ impl State {
     ///
     /// When there is none.
     pub fn from_number(number: u8) -> Result<Self> {
-        let known = [Self::Moving, Self::Ready, Self::Paused, Self::Stopped, Self::Reconfigured, Self::Decelerating];
+        let known = [
+            Self::Moving,
+            Self::Ready,
+            Self::Paused,
+            Self::Stopped,
+            Self::Reconfigured,
+            Self::Decelerating,
+        ];
         known.into_iter().find(|state| *state as u8 == number).ok_or(WireError::State(number))
     }
 }

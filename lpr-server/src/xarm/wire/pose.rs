@@ -1,4 +1,5 @@
-//! The pose of the tool as the controller counts it: metres here, millimetres on the wire, roll, pitch and yaw in radians.
+//! The pose of the tool as the controller counts it: metres here, millimetres on the wire, roll,
+//! pitch and yaw in radians.
 
 use super::bytes::{Reader, Writer, metres, millimetres};
 use core::f64::consts::PI;
@@ -27,10 +28,15 @@ impl TcpPose {
 impl From<DPose3> for TcpPose {
     /// At a pitch of ±90° roll and yaw are one rotation: the roll is 0 there.
     fn from(pose: DPose3) -> Self {
-        let (x, y, z) = (pose.rotation * DVec3::X, pose.rotation * DVec3::Y, pose.rotation * DVec3::Z);
+        let (x, y, z) =
+            (pose.rotation * DVec3::X, pose.rotation * DVec3::Y, pose.rotation * DVec3::Z);
         let level = x.x.hypot(x.y);
         let pitch = f64::atan2(-x.z, level);
-        let (roll, yaw) = if level > 1e-9 { (f64::atan2(y.z, z.z), f64::atan2(x.y, x.x)) } else { (0.0, f64::atan2(-y.x, y.y)) };
+        let (roll, yaw) = if level > 1e-9 {
+            (f64::atan2(y.z, z.z), f64::atan2(x.y, x.x))
+        } else {
+            (0.0, f64::atan2(-y.x, y.y))
+        };
         Self { position: pose.translation.to_array(), rpy: [upward(roll), pitch, upward(yaw)] }
     }
 }
@@ -42,7 +48,9 @@ fn upward(angle: f64) -> f64 {
 
 impl From<TcpPose> for DPose3 {
     fn from(TcpPose { position, rpy: [roll, pitch, yaw] }: TcpPose) -> Self {
-        let rotation = DQuat::from_rotation_z(yaw) * DQuat::from_rotation_y(pitch) * DQuat::from_rotation_x(roll);
+        let rotation = DQuat::from_rotation_z(yaw)
+            * DQuat::from_rotation_y(pitch)
+            * DQuat::from_rotation_x(roll);
         Self::from_parts(DVec3::from_array(position), rotation)
     }
 }
@@ -68,9 +76,15 @@ mod tests {
         for roll in [-3.0, -0.4, 0.0, 2.5] {
             for pitch in [-PI / 2.0, -1.2, 0.0, 0.7, PI / 2.0] {
                 for yaw in [-2.0, 0.0, 3.1] {
-                    let pose = DPose3::from(TcpPose { position: [0.1, -0.2, 0.3], rpy: [roll, pitch, yaw] });
+                    let pose = DPose3::from(TcpPose {
+                        position: [0.1, -0.2, 0.3],
+                        rpy: [roll, pitch, yaw],
+                    });
                     let again = DPose3::from(TcpPose::from(pose));
-                    assert!(pose.rotation.angle_between(again.rotation) < 1e-6, "{roll} {pitch} {yaw}");
+                    assert!(
+                        pose.rotation.angle_between(again.rotation) < 1e-6,
+                        "{roll} {pitch} {yaw}"
+                    );
                 }
             }
         }

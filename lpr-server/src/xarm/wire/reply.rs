@@ -141,7 +141,9 @@ fn read_answer(register: u8, reader: &mut Reader<'_>) -> Result<Option<Answer>> 
         | register::SET_TCP_JERK..=register::SET_JOINT_ACCELERATION
         | register::SET_LOAD => reader.u16().map(|number| Answer::Queued(number, reader.u8())),
         register::GET_TCP_POSE | register::GET_FK => TcpPose::read(reader).map(Answer::Pose),
-        register::GET_JOINTS | register::GET_IK | register::GET_JOINT_TORQUES => Some(read_joints(reader)),
+        register::GET_JOINTS | register::GET_IK | register::GET_JOINT_TORQUES => {
+            Some(read_joints(reader))
+        }
         register::IS_JOINT_LIMIT | register::IS_TCP_LIMIT => reader.u8().map(Answer::Flag),
         register::RS485 => Some(Answer::Rs485(reader.rest())),
         register::READ_TOOL_16 => reader.i32_be().map(Answer::Value),

@@ -86,7 +86,8 @@ pub struct NormalReport {
     pub health: Health,
 }
 
-/// The report of port [`super::RICH_PORT`]; what this program does not know is sent as zeros and not read.
+/// The report of port [`super::RICH_PORT`]; what this program does not know is sent as zeros and
+/// not read.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RichReport {
     /// Where the arm is and what it does.
@@ -95,7 +96,8 @@ pub struct RichReport {
     pub health: Health,
     /// Name of the firmware, at most 30 bytes.
     pub firmware: String,
-    /// Limits of the tool: jerk, least and greatest acceleration, least and greatest speed, in metres and seconds.
+    /// Limits of the tool: jerk, least and greatest acceleration, least and greatest speed, in
+    /// metres and seconds.
     pub tcp_limits: [f64; 5],
     /// Limits of the joints, as those of the tool in radians.
     pub joint_limits: [f32; 5],
@@ -105,7 +107,8 @@ pub struct RichReport {
     pub joint_speeds: [f32; DOF],
 }
 
-/// The report of port [`super::FAST_PORT`]; what this program does not know is sent as zeros and not read.
+/// The report of port [`super::FAST_PORT`]; what this program does not know is sent as zeros and
+/// not read.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FastReport {
     /// Time of the controller, microseconds.
@@ -190,9 +193,12 @@ impl ReportReader {
     ///
     /// # Errors
     ///
-    /// When it has another length than reports of its port, or a number in it is impossible; the connection has to be closed.
+    /// When it has another length than reports of its port, or a number in it is impossible; the
+    /// connection has to be closed.
     pub fn next_report(&mut self) -> Result<Option<Report>> {
-        let Some((length, rest)) = self.buffer.split_first_chunk::<LENGTH>() else { return Ok(None) };
+        let Some((length, rest)) = self.buffer.split_first_chunk::<LENGTH>() else {
+            return Ok(None);
+        };
         let (expected, found) = (self.kind.bytes(), u32::from_be_bytes(*length) as usize);
         if found != expected {
             return Err(WireError::ReportLength { expected, found });
@@ -210,7 +216,8 @@ impl Report {
     pub const fn motion(&self) -> Option<&Motion> {
         match self {
             Self::Fast(_) => None,
-            Self::Realtime(RealtimeReport { motion, .. }) | Self::Normal(NormalReport { motion, .. }) => Some(motion),
+            Self::Realtime(RealtimeReport { motion, .. })
+            | Self::Normal(NormalReport { motion, .. }) => Some(motion),
             Self::Rich(report) => Some(&report.motion),
         }
     }
@@ -237,9 +244,12 @@ impl Report {
             ReportKind::Fast => None,
             ReportKind::Realtime => {
                 let forces = reader.f32s().zip(reader.f32s());
-                forces.map(|(external_force, raw_force)| Self::Realtime(RealtimeReport { motion, external_force, raw_force }))
+                forces.map(|(external_force, raw_force)| {
+                    Self::Realtime(RealtimeReport { motion, external_force, raw_force })
+                })
             }
-            ReportKind::Normal => Health::read(&mut reader).map(|health| Self::Normal(NormalReport { motion, health })),
+            ReportKind::Normal => Health::read(&mut reader)
+                .map(|health| Self::Normal(NormalReport { motion, health })),
             ReportKind::Rich => {
                 let health = Health::read(&mut reader);
                 let details = health.and_then(|health| read_details(motion, health, reader, bytes));
@@ -252,7 +262,10 @@ impl Report {
 
 impl FastReport {
     fn read(reader: &mut Reader<'_>) -> Result<Option<Self>> {
-        let Some((micros, (state, queued))) = reader.u64().zip(reader.u8().zip(reader.u16())) else { return Ok(None) };
+        let Some((micros, (state, queued))) = reader.u64().zip(reader.u8().zip(reader.u16()))
+        else {
+            return Ok(None);
+        };
         let (state, mode) = (State::from_number(state & 0x0f)?, Mode(state >> 4));
         let mut numbers = || {
             reader.bytes::<17>()?;
@@ -261,16 +274,37 @@ impl FastReport {
             let (joints, joint_speeds) = (JointConfig(reader.f32s()?), reader.f32s()?);
             reader.bytes::<300>()?;
             let (position, axis_angle) = (reader.f32s()?.map(metres), reader.f32s()?);
-            Some(Self { micros, state, mode, queued, target, joints, joint_speeds, position, axis_angle })
+            Some(Self {
+                micros,
+                state,
+                mode,
+                queued,
+                target,
+                joints,
+                joint_speeds,
+                position,
+                axis_angle,
+            })
         };
         Ok(numbers())
     }
 
     fn encode(&self) -> Vec<u8> {
-        let Self { micros, state, mode, queued, target, joints, joint_speeds, position, axis_angle } = self;
+        let Self {
+            micros,
+            state,
+            mode,
+            queued,
+            target,
+            joints,
+            joint_speeds,
+            position,
+            axis_angle,
+        } = self;
         let mut writer = begin(FAST_BYTES);
         writer.u64(*micros).u8(*state as u8 | mode.0 << 4).u16(*queued).zeros(17);
-        // Speeds and accelerations that should be; then accelerations, currents and torques that are, and space.
+        // Speeds and accelerations that should be; then accelerations, currents and torques that
+        // are, and space.
         writer.f32s(&target.0).zeros(56).f32s(&joints.0).f32s(joint_speeds).zeros(252);
         // The pose that should be and its speed, then the pose that is.
         for _ in 0..2 {
@@ -325,7 +359,12 @@ fn begin(bytes: usize) -> Writer {
     writer
 }
 
-fn read_details(motion: Motion, health: Health, mut reader: Reader<'_>, bytes: &[u8]) -> Option<RichReport> {
+fn read_details(
+    motion: Motion,
+    health: Health,
+    mut reader: Reader<'_>,
+    bytes: &[u8],
+) -> Option<RichReport> {
     reader.bytes::<6>()?;
     let firmware = reader.bytes::<FIRMWARE_BYTES>()?;
     let firmware = String::from_utf8_lossy(&firmware).trim_end_matches('\0').to_owned();
@@ -339,7 +378,9 @@ impl Motion {
     fn read(reader: &mut Reader<'_>) -> Result<Option<Self>> {
         let Some((state, queued)) = reader.u8().zip(reader.u16()) else { return Ok(None) };
         let (state, mode) = (State::from_number(state & 0x0f)?, Mode(state >> 4));
-        let Some(((joints, pose), torques)) = reader.f32s().zip(TcpPose::read(reader)).zip(reader.f32s()) else {
+        let Some(((joints, pose), torques)) =
+            reader.f32s().zip(TcpPose::read(reader)).zip(reader.f32s())
+        else {
             return Ok(None);
         };
         let joints = JointConfig(joints);
@@ -359,8 +400,10 @@ impl Motion {
 impl Health {
     fn read(reader: &mut Reader<'_>) -> Option<Self> {
         let [brakes, drives, error, warning] = reader.bytes()?;
-        let (tcp_offset, load_mass, load_center) = (TcpPose::read(reader)?, reader.f32()?, reader.f32s()?.map(metres));
-        let ([collision_sensitivity, teach_sensitivity], gravity) = (reader.bytes()?, reader.f32s()?);
+        let (tcp_offset, load_mass, load_center) =
+            (TcpPose::read(reader)?, reader.f32()?, reader.f32s()?.map(metres));
+        let ([collision_sensitivity, teach_sensitivity], gravity) =
+            (reader.bytes()?, reader.f32s()?);
         Some(Self {
             brakes,
             drives,

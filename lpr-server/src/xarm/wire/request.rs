@@ -105,7 +105,8 @@ pub enum LineForm {
 /// A motion of the tool along a straight line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LineMove {
-    /// Where to: x, y, z in metres, roll, pitch, yaw in radians; none keeps the component (infinity on the wire).
+    /// Where to: x, y, z in metres, roll, pitch, yaw in radians; none keeps the component (infinity
+    /// on the wire).
     pub target: [Option<f64>; 6],
     /// Of the tool.
     pub pace: Pace,
@@ -252,7 +253,8 @@ impl Request {
     ///
     /// # Errors
     ///
-    /// When the parameters of a known register have the wrong length or a value outside their range.
+    /// When the parameters of a known register have the wrong length or a value outside their
+    /// range.
     pub fn from_frame(frame: &Frame) -> Result<Self> {
         let (register, params) = frame.register()?;
         let mut reader = Reader(params);
@@ -265,15 +267,24 @@ impl Request {
 
     fn write_params(&self, writer: &mut Writer) {
         match self {
-            Self::EnableMotion(axis, power) => _ = writer.u8(axis.0).u8(u8::from(*power == Power::On)),
+            Self::EnableMotion(axis, power) => {
+                _ = writer.u8(axis.0).u8(u8::from(*power == Power::On))
+            }
             Self::SetState(command) => _ = writer.u8(*command as u8),
             Self::SetMode(mode, detection) => _ = writer.u8(mode.0).bytes(detection.as_slice()),
             Self::MoveLine(line) => write_line(line, writer),
             Self::MoveJoints(JointMove { target, pace, check }) => {
-                writer.f32s(&target.map(kept)).f32s(&angular(pace)).bytes(check_byte(*check).as_slice());
+                writer
+                    .f32s(&target.map(kept))
+                    .f32s(&angular(pace))
+                    .bytes(check_byte(*check).as_slice());
             }
             Self::MoveJointsBlended { target, speed, acceleration, radius } => {
-                writer.f32s(&target.map(kept)).f32s(&[*speed as f32, *acceleration as f32, millimetres(*radius)]);
+                writer.f32s(&target.map(kept)).f32s(&[
+                    *speed as f32,
+                    *acceleration as f32,
+                    millimetres(*radius),
+                ]);
             }
             Self::MoveHome(pace) => _ = writer.f32s(&angular(pace)),
             Self::Sleep(seconds) => _ = writer.f32s(&[*seconds]),
@@ -282,7 +293,9 @@ impl Request {
             Self::GetIk(pose) | Self::SetTcpOffset(pose) => pose.write(writer),
             Self::GetFk(joints) | Self::IsJointLimit(joints) => _ = writer.f32s(&joints.0),
             Self::Rs485(rtu) => rtu.write(writer),
-            Self::WriteTool { host, address, value } => _ = writer.u8(*host).u16(*address).f32s(&[*value]),
+            Self::WriteTool { host, address, value } => {
+                _ = writer.u8(*host).u16(*address).f32s(&[*value])
+            }
             Self::ReadTool { host, address } => _ = writer.u8(*host).u16(*address),
             Self::SetFeedback(mask) => _ = writer.u8(*mask),
             Self::Other { params, .. } => _ = writer.bytes(params),
@@ -302,16 +315,18 @@ impl Request {
 
 /// The request to `register`; none when bytes are missing.
 fn read_params(register: u8, reader: &mut Reader<'_>) -> Result<Option<Request>> {
-    let out_of_range = |name, value: u8| WireError::Value { register, name, value: value.to_string() };
+    let out_of_range =
+        |name, value: u8| WireError::Value { register, name, value: value.to_string() };
     Ok(match register {
         register::GET_VERSION => Some(Request::GetVersion),
         register::GET_SERIAL => Some(Request::GetSerial),
-        register::ENABLE_MOTION => reader
-            .u8()
-            .zip(reader.u8())
-            .map(|(axis, on)| Request::EnableMotion(Axis(axis), if on == 0 { Power::Off } else { Power::On })),
+        register::ENABLE_MOTION => reader.u8().zip(reader.u8()).map(|(axis, on)| {
+            Request::EnableMotion(Axis(axis), if on == 0 { Power::Off } else { Power::On })
+        }),
         register::SET_STATE => match reader.u8() {
-            Some(number) => Some(Request::SetState(state_command(number).ok_or_else(|| out_of_range("the state", number))?)),
+            Some(number) => Some(Request::SetState(
+                state_command(number).ok_or_else(|| out_of_range("the state", number))?,
+            )),
             None => None,
         },
         register::GET_STATE => Some(Request::GetState),
@@ -325,18 +340,23 @@ fn read_params(register: u8, reader: &mut Reader<'_>) -> Result<Option<Request>>
         register::MOVE_JOINTS_BLENDED => read_blended(reader),
         register::MOVE_HOME => read_pace(reader).map(Request::MoveHome),
         register::SLEEP => reader.f32().map(Request::Sleep),
-        register::SERVO_JOINTS => {
-            reader.f32s().zip(read_pace(reader)).map(|(joints, pace)| Request::ServoJoints(JointConfig(joints), pace))
-        }
+        register::SERVO_JOINTS => reader
+            .f32s()
+            .zip(read_pace(reader))
+            .map(|(joints, pace)| Request::ServoJoints(JointConfig(joints), pace)),
         register::GET_TCP_POSE => Some(Request::GetTcpPose),
         register::GET_JOINTS => Some(Request::GetJoints(reader.u8())),
         register::GET_IK => read_ik(reader),
         register::GET_FK => reader.f32s().map(|joints| Request::GetFk(JointConfig(joints))),
-        register::IS_JOINT_LIMIT => reader.f32s().map(|joints| Request::IsJointLimit(JointConfig(joints))),
+        register::IS_JOINT_LIMIT => {
+            reader.f32s().map(|joints| Request::IsJointLimit(JointConfig(joints)))
+        }
         register::GET_JOINT_TORQUES => Some(Request::GetJointTorques),
         register::RS485 => Rtu::read(reader).map(Request::Rs485),
         register::WRITE_TOOL_16 => read_tool_write(reader),
-        register::READ_TOOL_16 => reader.u8().zip(reader.u16()).map(|(host, address)| Request::ReadTool { host, address }),
+        register::READ_TOOL_16 => {
+            reader.u8().zip(reader.u16()).map(|(host, address)| Request::ReadTool { host, address })
+        }
         register::FEEDBACK_CHECK => Some(Request::FeedbackCheck),
         register::SET_FEEDBACK => reader.u8().map(Request::SetFeedback),
         register::SET_TCP_OFFSET => TcpPose::read(reader).map(Request::SetTcpOffset),
@@ -345,7 +365,8 @@ fn read_params(register: u8, reader: &mut Reader<'_>) -> Result<Option<Request>>
 }
 
 fn state_command(number: u8) -> Option<StateCommand> {
-    let known = [StateCommand::Run, StateCommand::Pause, StateCommand::Stop, StateCommand::SlowStop];
+    let known =
+        [StateCommand::Run, StateCommand::Pause, StateCommand::Stop, StateCommand::SlowStop];
     known.into_iter().find(|command| *command as u8 == number)
 }
 
@@ -382,7 +403,11 @@ fn read_line(reader: &mut Reader<'_>) -> Option<Request> {
         Some(if i < 3 { metres(value) } else { f64::from(value) })
     });
     let [speed, acceleration, duration] = reader.f32s()?;
-    let pace = Pace { speed: metres(speed), acceleration: metres(acceleration), duration: f64::from(duration) };
+    let pace = Pace {
+        speed: metres(speed),
+        acceleration: metres(acceleration),
+        duration: f64::from(duration),
+    };
     let form = if reader.is_empty() { LineForm::Classic } else { read_common(reader)? };
     Some(Request::MoveLine(LineMove { target, pace, form }))
 }
@@ -390,7 +415,13 @@ fn read_line(reader: &mut Reader<'_>) -> Option<Request> {
 fn read_common(reader: &mut Reader<'_>) -> Option<LineForm> {
     let radius = reader.f32()?;
     let (frame, rotation, check) = (reader.u8()?, reader.u8()?, check_of(reader.u8()?));
-    Some(LineForm::Common { radius: (radius >= 0.0).then(|| metres(radius)), frame, rotation, check, kind: reader.u8() })
+    Some(LineForm::Common {
+        radius: (radius >= 0.0).then(|| metres(radius)),
+        frame,
+        rotation,
+        check,
+        kind: reader.u8(),
+    })
 }
 
 fn write_line(LineMove { target, pace, form }: &LineMove, writer: &mut Writer) {

@@ -11,7 +11,10 @@ const WITH_HEARTBEAT: u16 = 3;
 
 fn bytes(hex: &str) -> Vec<u8> {
     let digits: Vec<_> = hex.chars().filter(|digit| !digit.is_whitespace()).collect();
-    digits.chunks(2).map(|pair| u8::from_str_radix(&pair.iter().collect::<String>(), 16).unwrap()).collect()
+    digits
+        .chunks(2)
+        .map(|pair| u8::from_str_radix(&pair.iter().collect::<String>(), 16).unwrap())
+        .collect()
 }
 
 fn degrees(angles: [f64; DOF]) -> [Option<f32>; DOF] {
@@ -29,7 +32,13 @@ fn golden_requests() -> Vec<(Request, &'static str)> {
     let to = |values: [f64; 6]| values.map(Some);
     let line = |target, speed| {
         let pace = Pace { speed, acceleration: 2.0, duration: 0.0 };
-        let form = LineForm::Common { radius: None, frame: 0, rotation: 0, check: Check::Move, kind: None };
+        let form = LineForm::Common {
+            radius: None,
+            frame: 0,
+            rotation: 0,
+            check: Check::Move,
+            kind: None,
+        };
         Request::MoveLine(LineMove { target, pace, form })
     };
     let mut only_z = [None; 6];
@@ -55,7 +64,12 @@ fn golden_requests() -> Vec<(Request, &'static str)> {
             hex(format!("0029 17 {joints} 920a863f 58a00b41 00000000")),
         ),
         (
-            Request::MoveJointsBlended { target, speed: pace.speed, acceleration: pace.acceleration, radius: 0.01 },
+            Request::MoveJointsBlended {
+                target,
+                speed: pace.speed,
+                acceleration: pace.acceleration,
+                radius: 0.01,
+            },
             hex(format!("0029 18 {joints} 920a863f 58a00b41 00002041")),
         ),
         (
@@ -79,7 +93,10 @@ fn golden_requests() -> Vec<(Request, &'static str)> {
         (read(gripper_register::ERROR, 1), "0008 7c 09 08 03 000f 0001"),
         (read(gripper_register::POSITION, 2), "0008 7c 09 08 03 0702 0002"),
         (
-            Request::Other { register: register::SET_LOAD, params: bytes("85eb513f 00000000 00000000 00004042") },
+            Request::Other {
+                register: register::SET_LOAD,
+                params: bytes("85eb513f 00000000 00000000 00004042"),
+            },
             "0011 24 85eb513f 00000000 00000000 00004042",
         ),
     ]
@@ -111,7 +128,12 @@ fn replies_are_the_bytes_that_the_vendors_client_takes() {
     let queued = |check| Answer::Queued(1, check);
     let gripper = |hex: &str| Answer::Rs485(bytes(hex));
     for (request, status, answer, rest) in [
-        ("0001 01", 0x10, Answer::Text("7,7,XI1304,AC1304,v2.5.0".to_owned()), "002a 01 10 372c372c"),
+        (
+            "0001 01",
+            0x10,
+            Answer::Text("7,7,XI1304,AC1304,v2.5.0".to_owned()),
+            "002a 01 10 372c372c",
+        ),
         ("0003 0b 08 01", 0x10, Answer::Done, "0002 0b 10"),
         ("0001 0d", 0x10, Answer::State(State::Reconfigured), "0003 0d 10 05"),
         ("0002 0c 00", 0x00, Answer::Done, "0002 0c 00"),
@@ -141,11 +163,21 @@ fn feedback_is_the_bytes_that_the_vendors_client_takes() {
         task: 2,
         micros: 0x0102,
     };
-    assert_eq!(feedback.to_frame(Status(0)).encode(), bytes("0009 0003 000f ff 00 02 17 0002 00 0000000000000102"));
+    assert_eq!(
+        feedback.to_frame(Status(0)).encode(),
+        bytes("0009 0003 000f ff 00 02 17 0002 00 0000000000000102")
+    );
 }
 
 fn motion(state: State, joints: [f32; DOF], pose: TcpPose) -> Motion {
-    Motion { state, mode: Mode::SERVO, queued: 3, joints: JointConfig(joints), pose, torques: [0.5; DOF] }
+    Motion {
+        state,
+        mode: Mode::SERVO,
+        queued: 3,
+        joints: JointConfig(joints),
+        pose,
+        torques: [0.5; DOF],
+    }
 }
 
 fn health(error: u8) -> Health {
@@ -173,7 +205,8 @@ fn angle() -> impl Strategy<Value = f64> {
 }
 
 fn pose() -> impl Strategy<Value = TcpPose> {
-    (prop::array::uniform3(length()), prop::array::uniform3(angle())).prop_map(|(position, rpy)| TcpPose { position, rpy })
+    (prop::array::uniform3(length()), prop::array::uniform3(angle()))
+        .prop_map(|(position, rpy)| TcpPose { position, rpy })
 }
 
 fn joints() -> impl Strategy<Value = [f32; DOF]> {
@@ -181,7 +214,11 @@ fn joints() -> impl Strategy<Value = [f32; DOF]> {
 }
 
 fn pace() -> impl Strategy<Value = Pace> {
-    [angle(), angle(), angle()].prop_map(|[speed, acceleration, duration]| Pace { speed, acceleration, duration })
+    [angle(), angle(), angle()].prop_map(|[speed, acceleration, duration]| Pace {
+        speed,
+        acceleration,
+        duration,
+    })
 }
 
 fn joint_target() -> impl Strategy<Value = [Option<f32>; DOF]> {
@@ -193,23 +230,30 @@ fn check() -> impl Strategy<Value = Check> {
 }
 
 fn line() -> impl Strategy<Value = LineMove> {
-    let target = (prop::array::uniform3(prop::option::of(length())), prop::array::uniform3(prop::option::of(angle())));
+    let target = (
+        prop::array::uniform3(prop::option::of(length())),
+        prop::array::uniform3(prop::option::of(angle())),
+    );
     let pace = (length(), length(), angle());
     let radius = (0.0_f32..100.0).prop_map(|mm| f64::from(mm) / 1000.0);
-    let common = (prop::option::of(radius), 0..2_u8, 0..2_u8, any::<bool>(), prop::option::of(any::<u8>()));
-    (target, pace, prop::option::of(common)).prop_map(|(([x, y, z], [roll, pitch, yaw]), pace, common)| {
-        let (speed, acceleration, duration) = pace;
-        let form = common.map_or(LineForm::Classic, |(radius, frame, rotation, only, kind)| {
-            let check = if only { Check::Only } else { Check::Move };
-            LineForm::Common { radius, frame, rotation, check, kind }
-        });
-        let pace = Pace { speed, acceleration, duration };
-        LineMove { target: [x, y, z, roll, pitch, yaw], pace, form }
-    })
+    let common =
+        (prop::option::of(radius), 0..2_u8, 0..2_u8, any::<bool>(), prop::option::of(any::<u8>()));
+    (target, pace, prop::option::of(common)).prop_map(
+        |(([x, y, z], [roll, pitch, yaw]), pace, common)| {
+            let (speed, acceleration, duration) = pace;
+            let form = common.map_or(LineForm::Classic, |(radius, frame, rotation, only, kind)| {
+                let check = if only { Check::Only } else { Check::Move };
+                LineForm::Common { radius, frame, rotation, check, kind }
+            });
+            let pace = Pace { speed, acceleration, duration };
+            LineMove { target: [x, y, z, roll, pitch, yaw], pace, form }
+        },
+    )
 }
 
 fn request() -> impl Strategy<Value = Request> {
-    let commands = vec![StateCommand::Run, StateCommand::Pause, StateCommand::Stop, StateCommand::SlowStop];
+    let commands =
+        vec![StateCommand::Run, StateCommand::Pause, StateCommand::Stop, StateCommand::SlowStop];
     let bytes = || prop::collection::vec(any::<u8>(), 0..40);
     let write = (any::<u16>(), prop::collection::vec(any::<u16>(), 0..20));
     let body = prop_oneof![
@@ -220,25 +264,33 @@ fn request() -> impl Strategy<Value = Request> {
         Just(Request::GetVersion),
         Just(Request::GetTcpPose),
         Just(Request::CleanWarning),
-        (any::<u8>(), any::<bool>())
-            .prop_map(|(axis, on)| Request::EnableMotion(Axis(axis), if on { Power::On } else { Power::Off })),
+        (any::<u8>(), any::<bool>()).prop_map(|(axis, on)| Request::EnableMotion(
+            Axis(axis),
+            if on { Power::On } else { Power::Off }
+        )),
         prop::sample::select(commands).prop_map(Request::SetState),
-        (any::<u8>(), prop::option::of(any::<u8>())).prop_map(|(mode, detection)| Request::SetMode(Mode(mode), detection)),
+        (any::<u8>(), prop::option::of(any::<u8>()))
+            .prop_map(|(mode, detection)| Request::SetMode(Mode(mode), detection)),
         line().prop_map(Request::MoveLine),
-        (joint_target(), pace(), check()).prop_map(|(target, pace, check)| Request::MoveJoints(JointMove {
-            target,
-            pace,
-            check
-        })),
-        (joint_target(), angle(), angle(), length()).prop_map(|(target, speed, acceleration, radius)| {
-            Request::MoveJointsBlended { target, speed, acceleration, radius }
-        }),
+        (joint_target(), pace(), check()).prop_map(|(target, pace, check)| Request::MoveJoints(
+            JointMove { target, pace, check }
+        )),
+        (joint_target(), angle(), angle(), length()).prop_map(
+            |(target, speed, acceleration, radius)| {
+                Request::MoveJointsBlended { target, speed, acceleration, radius }
+            }
+        ),
         pace().prop_map(Request::MoveHome),
-        (joints(), pace()).prop_map(|(joints, pace)| Request::ServoJoints(JointConfig(joints), pace)),
+        (joints(), pace())
+            .prop_map(|(joints, pace)| Request::ServoJoints(JointConfig(joints), pace)),
         prop::option::of(any::<u8>()).prop_map(Request::GetJoints),
         pose().prop_map(Request::GetIk),
         joints().prop_map(|joints| Request::GetFk(JointConfig(joints))),
-        (any::<u8>(), any::<u8>(), body).prop_map(|(host, slave, body)| Request::Rs485(Rtu { host, slave, body })),
+        (any::<u8>(), any::<u8>(), body).prop_map(|(host, slave, body)| Request::Rs485(Rtu {
+            host,
+            slave,
+            body
+        })),
         (any::<u8>(), any::<u16>()).prop_map(|(host, address)| Request::ReadTool { host, address }),
         (200..230_u8, bytes()).prop_map(|(register, params)| Request::Other { register, params }),
     ]
@@ -246,26 +298,50 @@ fn request() -> impl Strategy<Value = Request> {
 
 /// A register with an answer that it may give.
 fn answer() -> impl Strategy<Value = (u8, Answer)> {
-    let states = vec![State::Moving, State::Ready, State::Paused, State::Stopped, State::Reconfigured, State::Decelerating];
+    let states = vec![
+        State::Moving,
+        State::Ready,
+        State::Paused,
+        State::Stopped,
+        State::Reconfigured,
+        State::Decelerating,
+    ];
     prop_oneof![
         Just((register::SET_MODE, Answer::Done)),
         "[ -~]{1,40}".prop_map(|text| (register::GET_VERSION, Answer::Text(text))),
         prop::sample::select(states).prop_map(|state| (register::GET_STATE, Answer::State(state))),
         any::<u16>().prop_map(|count| (register::GET_COMMAND_COUNT, Answer::Count(count))),
-        any::<(u8, u8)>().prop_map(|(error, warning)| (register::GET_ERROR, Answer::Codes(error, warning))),
+        any::<(u8, u8)>()
+            .prop_map(|(error, warning)| (register::GET_ERROR, Answer::Codes(error, warning))),
         (any::<u16>(), prop::option::of(any::<u8>()))
             .prop_map(|(number, check)| (register::MOVE_JOINTS, Answer::Queued(number, check))),
-        prop::collection::vec(joints(), 1..4).prop_map(|groups| (register::GET_JOINTS, Answer::Joints(groups))),
+        prop::collection::vec(joints(), 1..4)
+            .prop_map(|groups| (register::GET_JOINTS, Answer::Joints(groups))),
         pose().prop_map(|pose| (register::GET_FK, Answer::Pose(pose))),
         any::<i32>().prop_map(|value| (register::READ_TOOL_16, Answer::Value(value))),
-        prop::collection::vec(any::<u8>(), 1..20).prop_map(|bytes| (register::RS485, Answer::Rs485(bytes))),
+        prop::collection::vec(any::<u8>(), 1..20)
+            .prop_map(|bytes| (register::RS485, Answer::Rs485(bytes))),
     ]
 }
 
 fn report() -> impl Strategy<Value = Report> {
-    let states = vec![State::Moving, State::Ready, State::Paused, State::Stopped, State::Reconfigured, State::Decelerating];
+    let states = vec![
+        State::Moving,
+        State::Ready,
+        State::Paused,
+        State::Stopped,
+        State::Reconfigured,
+        State::Decelerating,
+    ];
     let kinds = vec![ReportKind::Fast, ReportKind::Realtime, ReportKind::Normal, ReportKind::Rich];
-    let parts = (prop::sample::select(kinds), prop::sample::select(states), joints(), pose(), any::<u8>(), length());
+    let parts = (
+        prop::sample::select(kinds),
+        prop::sample::select(states),
+        joints(),
+        pose(),
+        any::<u8>(),
+        length(),
+    );
     parts.prop_map(|(kind, state, joints, pose, error, tcp_speed)| {
         let (motion, health) = (motion(state, joints, pose), health(error));
         match kind {
@@ -280,7 +356,11 @@ fn report() -> impl Strategy<Value = Report> {
                 position: pose.position,
                 axis_angle: [0.1, 0.2, 0.3],
             }),
-            ReportKind::Realtime => Report::Realtime(RealtimeReport { motion, external_force: [1.0; 6], raw_force: [-1.0; 6] }),
+            ReportKind::Realtime => Report::Realtime(RealtimeReport {
+                motion,
+                external_force: [1.0; 6],
+                raw_force: [-1.0; 6],
+            }),
             ReportKind::Normal => Report::Normal(NormalReport { motion, health }),
             ReportKind::Rich => Report::Rich(Box::new(RichReport {
                 motion,
@@ -372,7 +452,10 @@ fn a_report_of_a_joint_that_is_no_number_is_an_error() {
 
 /// Bytes of every kind of frame, to be damaged.
 fn samples() -> Vec<Vec<u8>> {
-    golden_requests().into_iter().map(|(request, _)| request.to_frame(1, PRIVATE_PROTOCOL).encode()).collect()
+    golden_requests()
+        .into_iter()
+        .map(|(request, _)| request.to_frame(1, PRIVATE_PROTOCOL).encode())
+        .collect()
 }
 
 #[test]

@@ -1,5 +1,5 @@
-//! What somebody else does with the packed `lpr-core`: its README's program and its example of a world of one's own, which
-//! `tests/package.sh` lays beside this file.
+//! What somebody else does with the packed `lpr-core`: its README's program and its example of a
+//! world of one's own, which `tests/package.sh` lays beside this file.
 
 #[expect(dead_code, reason = "an example has a `main`")]
 mod own_environment;

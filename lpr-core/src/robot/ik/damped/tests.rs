@@ -36,12 +36,19 @@ fn urdf(rows: &[Row]) -> String {
     let links: String = (0..=rows.len()).map(|i| format!("<link name='l{i}'/>")).collect();
     let joint = |(i, ([x, y, z], axis, lower, upper)): (usize, &Row)| {
         let kind = if axis.is_empty() { "fixed" } else { "revolute" };
-        let motion = format!("<axis xyz='{axis}'/><limit lower='{lower}' upper='{upper}' velocity='2' effort='1'/>");
+        let motion = format!(
+            "<axis xyz='{axis}'/><limit lower='{lower}' upper='{upper}' velocity='2' effort='1'/>"
+        );
         let motion = if axis.is_empty() { String::new() } else { motion };
         let ends = format!("<parent link='l{i}'/><child link='l{}'/>", i + 1);
-        format!("<joint name='j{i}' type='{kind}'><origin xyz='{x} {y} {z}'/>{ends}{motion}</joint>")
+        format!(
+            "<joint name='j{i}' type='{kind}'><origin xyz='{x} {y} {z}'/>{ends}{motion}</joint>"
+        )
     };
-    format!("<robot name='rows'>{links}{}</robot>", rows.iter().enumerate().map(joint).collect::<String>())
+    format!(
+        "<robot name='rows'>{links}{}</robot>",
+        rows.iter().enumerate().map(joint).collect::<String>()
+    )
 }
 
 fn arm(rows: &[Row]) -> Chain {
@@ -54,7 +61,11 @@ fn arms() -> [Chain; 2] {
 
 /// Anywhere within the limits.
 fn random_config(chain: &Chain, rng: &mut Rng) -> JointConfig {
-    JointConfig(chain.limits().map(|(lower, upper)| (lower + rng.random::<f32>() * (upper - lower)).clamp(lower, upper)))
+    JointConfig(
+        chain.limits().map(|(lower, upper)| {
+            (lower + rng.random::<f32>() * (upper - lower)).clamp(lower, upper)
+        }),
+    )
 }
 
 fn middle(chain: &Chain) -> JointConfig {
@@ -157,7 +168,8 @@ fn a_six_joint_arm_has_several_solutions_and_a_redundant_one_as_many_as_asked_fo
     let of_six = six.ik(&six.tip(&config), &middle(&six), 20, 0.2, &mut stream(3, Stream::Ik, 0));
     assert!((4..=16).contains(&of_six.len()), "{}", of_six.len());
     let config = JointConfig([0.4, 0.5, 0.3, 0.9, 0.8, 0.5, 0.2]);
-    let of_seven = seven.ik(&seven.tip(&config), &middle(&seven), 20, 0.2, &mut stream(3, Stream::Ik, 0));
+    let of_seven =
+        seven.ik(&seven.tip(&config), &middle(&seven), 20, 0.2, &mut stream(3, Stream::Ik, 0));
     assert_eq!(of_seven.len(), 20);
 }
 
@@ -165,7 +177,8 @@ fn a_six_joint_arm_has_several_solutions_and_a_redundant_one_as_many_as_asked_fo
 fn the_same_generator_gives_the_same_solutions() {
     for chain in arms() {
         let pose = chain.tip(&random_config(&chain, &mut stream(4, Stream::Ik, 0)));
-        let solve = |seed| chain.ik(&pose, &middle(&chain), 10, 0.2, &mut stream(seed, Stream::Ik, 1));
+        let solve =
+            |seed| chain.ik(&pose, &middle(&chain), 10, 0.2, &mut stream(seed, Stream::Ik, 1));
         assert_eq!(solve(5), solve(5));
         assert_ne!(solve(5), solve(6));
     }
@@ -201,11 +214,16 @@ fn unreachable_and_broken_poses_have_no_solution() {
     let chain = Chain::from_robot(&PANDA);
     let far = Pose3::from_translation(Vec3::new(3.0, 0.0, 0.5));
     let nan = Pose3::from_translation(Vec3::new(f32::NAN, 0.0, 0.5));
-    let no_rotation = Pose3::from_parts(Vec3::new(0.4, 0.0, 0.4), Quat::from_xyzw(0.0, 0.0, 0.0, 0.0));
+    let no_rotation =
+        Pose3::from_parts(Vec3::new(0.4, 0.0, 0.4), Quat::from_xyzw(0.0, 0.0, 0.0, 0.0));
     for pose in [far, nan, no_rotation] {
         assert!(chain.ik(&pose, &PANDA.start, 20, 0.2, &mut stream(8, Stream::Ik, 0)).is_empty());
     }
     let reachable = chain.tip(&PANDA.start);
-    assert!(chain.ik(&reachable, &JointConfig([f32::NAN; DOF]), 1, 0.2, &mut stream(8, Stream::Ik, 0)).is_empty());
+    assert!(
+        chain
+            .ik(&reachable, &JointConfig([f32::NAN; DOF]), 1, 0.2, &mut stream(8, Stream::Ik, 0))
+            .is_empty()
+    );
     assert!(chain.ik(&reachable, &PANDA.start, 0, 0.2, &mut stream(8, Stream::Ik, 0)).is_empty());
 }

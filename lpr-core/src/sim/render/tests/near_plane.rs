@@ -1,4 +1,5 @@
-//! A camera on the hand is close to things: triangles that cross its near plane are cut, not dropped.
+//! A camera on the hand is close to things: triangles that cross its near plane are cut, not
+//! dropped.
 
 use super::*;
 use crate::robot::{ROBOTS, Robot};
@@ -45,13 +46,16 @@ fn compare_with_rays(renderer: &mut Renderer, items: &[Item], camera: &Camera) -
 /// Number of triangles that reach from in front of the near plane to behind it.
 fn n_crossing(renderer: &Renderer, items: &[Item], camera: &Camera) -> usize {
     let crosses = |side: &&Triangle| {
-        let depths = [side.a, side.b, side.c].map(|corner| camera.world_from_camera.inverse_transform_point(corner).z);
-        depths.iter().any(|depth| *depth < camera.near) && depths.iter().any(|depth| *depth > camera.near)
+        let depths = [side.a, side.b, side.c]
+            .map(|corner| camera.world_from_camera.inverse_transform_point(corner).z);
+        depths.iter().any(|depth| *depth < camera.near)
+            && depths.iter().any(|depth| *depth > camera.near)
     };
     front_sides(renderer, items, camera).iter().filter(crosses).count()
 }
 
-/// The wrist camera of an arm whose hand has come down, so that the camera is `height` metres over the table.
+/// The wrist camera of an arm whose hand has come down, so that the camera is `height` metres over
+/// the table.
 fn low_wrist(robot: &Robot, height: f32) -> Camera {
     let mut camera = Camera::wrist(robot, &Pose3::from(robot.flange(&robot.start)));
     camera.world_from_camera.translation.z = height;
@@ -72,7 +76,11 @@ fn a_table_that_crosses_the_near_plane_is_seen_where_rays_meet_it() {
         let n_crossing = n_crossing(&renderer, &[table], &camera);
         assert!(n_crossing > 0, "{} at {height} m: nothing crosses the near plane", robot.name);
         let (n_seen, n_wrong) = compare_with_rays(&mut renderer, &[table], &camera);
-        assert!(n_seen > 500 && n_wrong <= 2, "{} at {height} m: {n_wrong} wrong of {n_seen}", robot.name);
+        assert!(
+            n_seen > 500 && n_wrong <= 2,
+            "{} at {height} m: {n_wrong} wrong of {n_seen}",
+            robot.name
+        );
     }
 }
 
@@ -81,10 +89,12 @@ fn a_finger_one_centimetre_from_the_camera_is_cut_at_the_near_plane() {
     let mut renderer = Renderer::new(Detail::Observation);
     let camera = low_wrist(&PANDA, 0.2).with_size(64, 64);
     let finger = |x: f32, z: f32, tilt: f32| {
-        let camera_from_finger = Pose3::from_parts(Vec3::new(x, 0.002, z), Quat::from_rotation_x(tilt));
+        let camera_from_finger =
+            Pose3::from_parts(Vec3::new(x, 0.002, z), Quat::from_rotation_x(tilt));
         camera.world_from_camera * camera_from_finger
     };
-    // Beside the axis from behind the eye to 3 cm before it; across the axis with its side at 1 cm; one farther away.
+    // Beside the axis from behind the eye to 3 cm before it; across the axis with its side at 1 cm;
+    // one farther away.
     let poses = [finger(-0.012, 0.0, 0.0), finger(0.008, 0.018, 0.9), finger(0.0, 0.06, 0.3)];
     let mesh = renderer.mesh(&cuboid(0.006, 0.008, 0.03)).expect("a proper shape");
     let items = poses.map(|world_from_mesh| Item { mesh, world_from_mesh, rgb: RED, id: 1 });

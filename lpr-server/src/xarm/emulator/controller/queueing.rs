@@ -3,7 +3,8 @@
 use super::super::motion::{Origin, Task, TaskKind, joint_motion, line_motion};
 use super::{Controller, ERROR_JOINT_LIMIT};
 use crate::xarm::wire::{
-    Answer, Check, FeedbackCode, FeedbackKind, JointMove, LineForm, LineMove, Mode, Pace, Request, State, TcpPose, register,
+    Answer, Check, FeedbackCode, FeedbackKind, JointMove, LineForm, LineMove, Mode, Pace, Request,
+    State, TcpPose, register,
 };
 use lpr_core::robot::{DOF, JointConfig, XARM7};
 
@@ -37,7 +38,9 @@ impl Controller {
         let kind = match self.plan(request) {
             Ok(kind) => kind,
             Err(PlanError::Malformed) => return None,
-            Err(PlanError::Code(code)) if check == Check::Only => return Some(Answer::Queued(0, Some(code))),
+            Err(PlanError::Code(code)) if check == Check::Only => {
+                return Some(Answer::Queued(0, Some(code)));
+            }
             Err(PlanError::Code(code)) => {
                 self.raise(code);
                 return Some(Answer::Queued(0, check_answer));
@@ -72,26 +75,47 @@ impl Controller {
     }
 
     fn plan(&self, request: &Request) -> Result<TaskKind, PlanError> {
-        let plan = |target, speed, acceleration| plan_joints(self.planned(), target, speed, acceleration);
+        let plan =
+            |target, speed, acceleration| plan_joints(self.planned(), target, speed, acceleration);
         match request {
-            Request::MoveJoints(JointMove { target, pace: Pace { speed, acceleration, .. }, .. }) => {
+            Request::MoveJoints(JointMove {
+                target,
+                pace: Pace { speed, acceleration, .. },
+                ..
+            }) => plan(target, *speed, *acceleration),
+            Request::MoveJointsBlended { target, speed, acceleration, .. } => {
                 plan(target, *speed, *acceleration)
             }
-            Request::MoveJointsBlended { target, speed, acceleration, .. } => plan(target, *speed, *acceleration),
-            Request::MoveHome(Pace { speed, acceleration, .. }) => plan(&[Some(0.0); DOF], *speed, *acceleration),
+            Request::MoveHome(Pace { speed, acceleration, .. }) => {
+                plan(&[Some(0.0); DOF], *speed, *acceleration)
+            }
             Request::MoveLine(line) => self.plan_line(line, self.planned()),
-            Request::Sleep(secs) if secs.is_finite() && *secs >= 0.0 => Ok(TaskKind::Wait { secs: f64::from(*secs) }),
+            Request::Sleep(secs) if secs.is_finite() && *secs >= 0.0 => {
+                Ok(TaskKind::Wait { secs: f64::from(*secs) })
+            }
             _ => Err(PlanError::Malformed),
         }
     }
 
-    fn plan_line(&self, LineMove { target, pace, form }: &LineMove, start: JointConfig) -> Result<TaskKind, PlanError> {
+    fn plan_line(
+        &self,
+        LineMove { target, pace, form }: &LineMove,
+        start: JointConfig,
+    ) -> Result<TaskKind, PlanError> {
         let TcpPose { position, rpy } = self.tcp_at(&start);
         let current = [position, rpy].concat();
         let numbers: [f64; 6] = core::array::from_fn(|i| target[i].unwrap_or(current[i]));
         let [x, y, z, roll, pitch, yaw] = numbers;
-        let is_plain = !matches!(form, LineForm::Common { frame: 1.., .. } | LineForm::Common { rotation: 1.., .. });
-        if !is_plain || !numbers.iter().chain([&pace.speed, &pace.acceleration]).all(|number| number.is_finite()) {
+        let is_plain = !matches!(
+            form,
+            LineForm::Common { frame: 1.., .. } | LineForm::Common { rotation: 1.., .. }
+        );
+        if !is_plain
+            || !numbers
+                .iter()
+                .chain([&pace.speed, &pace.acceleration])
+                .all(|number| number.is_finite())
+        {
             return Err(PlanError::Malformed);
         }
         let goal = self.flange_of(TcpPose { position: [x, y, z], rpy: [roll, pitch, yaw] });
@@ -108,7 +132,12 @@ enum PlanError {
     Code(u8),
 }
 
-fn plan_joints(start: JointConfig, target: &[Option<f32>; DOF], speed: f64, acceleration: f64) -> Result<TaskKind, PlanError> {
+fn plan_joints(
+    start: JointConfig,
+    target: &[Option<f32>; DOF],
+    speed: f64,
+    acceleration: f64,
+) -> Result<TaskKind, PlanError> {
     let goal = JointConfig(core::array::from_fn(|j| target[j].unwrap_or(start[j])));
     if !(goal.is_finite() && speed.is_finite() && acceleration.is_finite()) {
         return Err(PlanError::Malformed);

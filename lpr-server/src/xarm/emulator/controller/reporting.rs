@@ -1,7 +1,9 @@
 //! What the controller reports of itself.
 
 use super::Controller;
-use crate::xarm::wire::{FastReport, Health, Motion, NormalReport, Power, RealtimeReport, Report, ReportKind, RichReport};
+use crate::xarm::wire::{
+    FastReport, Health, Motion, NormalReport, Power, RealtimeReport, Report, ReportKind, RichReport,
+};
 use lpr_core::glamx::DPose3;
 use lpr_core::robot::{DOF, JointConfig, XARM7};
 
@@ -18,7 +20,11 @@ impl Controller {
         };
         match kind {
             ReportKind::Fast => Report::Fast(self.fast_report()),
-            ReportKind::Realtime => Report::Realtime(RealtimeReport { motion, external_force: [0.0; 6], raw_force: [0.0; 6] }),
+            ReportKind::Realtime => Report::Realtime(RealtimeReport {
+                motion,
+                external_force: [0.0; 6],
+                raw_force: [0.0; 6],
+            }),
             ReportKind::Normal => Report::Normal(NormalReport { motion, health: self.health() }),
             ReportKind::Rich => Report::Rich(Box::new(self.rich_report(motion))),
         }
@@ -73,7 +79,8 @@ impl Controller {
     fn tcp_speed(&self) -> f64 {
         /// Seconds over which the velocity is a difference.
         const STEP: f64 = 1e-3;
-        let after = JointConfig(core::array::from_fn(|j| self.joints[j] + self.speeds[j] * STEP as f32));
+        let after =
+            JointConfig(core::array::from_fn(|j| self.joints[j] + self.speeds[j] * STEP as f32));
         (XARM7.flange(&after).translation - XARM7.flange(&self.joints).translation).length() / STEP
     }
 }
