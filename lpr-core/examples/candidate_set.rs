@@ -44,7 +44,6 @@ fn main() -> lpr_core::Result<()> {
             Quat::from_rotation_x(core::f32::consts::PI),
         ),
         scene: &Scene::from_primitives(vec![post]),
-        policy_path: None,
     };
     let set = candidates(&query, &SETTINGS, CandidateStreams { seed: 0, step: 0 });
     for (idx, candidate) in set.candidates.iter().enumerate() {

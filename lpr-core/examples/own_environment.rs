@@ -9,6 +9,7 @@
 use core::f32::consts::PI;
 use lpr_core::agent::{Method, PoseSource};
 use lpr_core::config::Config;
+use lpr_core::demo::{DemoEpisode, DemoStep};
 use lpr_core::env::{Environment, InvalidAction, StepResult};
 use lpr_core::evaluate::evaluate;
 use lpr_core::glamx::{Pose3, Quat, Vec3};
@@ -18,7 +19,7 @@ use lpr_core::perception::{Camera, Observation, Proprio, View};
 use lpr_core::q_attention::NextBestPose;
 use lpr_core::rng::{Stream, stream};
 use lpr_core::robot::{Gripper, PANDA, Robot};
-use lpr_core::train::{DemoEpisode, DemoStep, Run, Trainer, default_cameras, demonstration_scene};
+use lpr_core::train::{Run, Trainer, default_cameras, demonstration_scene};
 use rand::RngExt as _;
 
 /// How far above the straight line the grip has to pass, metres.
@@ -44,7 +45,7 @@ impl Environment for Hurdle {
         Ok(())
     }
 
-    fn observe(&mut self) -> Observation {
+    fn observe(&mut self) -> lpr_core::Result<Observation> {
         let view = View::empty(
             Camera::looking("above", Vec3::new(0.5, 0.0, 1.0), -Vec3::Z, 1.0).with_size(8, 8),
         );
@@ -57,10 +58,10 @@ impl Environment for Hurdle {
             grip,
             time: 1.0,
         };
-        Observation { views: vec![view], proprio }
+        Ok(Observation { views: vec![view], proprio })
     }
 
-    fn step(&mut self, path: &JointPath, _: Gripper) -> StepResult {
+    fn step(&mut self, path: &JointPath, _: Gripper) -> lpr_core::Result<StepResult> {
         let positions: Vec<_> =
             path.configs().iter().map(|config| PANDA.grip(config).translation).collect();
         let (start, way) = (positions[0], self.goal - positions[0]);
@@ -68,12 +69,12 @@ impl Environment for Hurdle {
             |at: &Vec3| (*at - start - way * ((*at - start).dot(way) / way.length_squared())).z;
         let is_over = positions.iter().map(above).fold(0.0, f32::max) > HURDLE;
         let invalid = (!is_over).then_some(InvalidAction::Force { link: "hand", newtons: 100.0 });
-        StepResult {
+        Ok(StepResult {
             reward: f32::from(u8::from(is_over)),
             terminated: true,
             truncated: false,
             invalid,
-        }
+        })
     }
 
     fn demonstrated_goal(&self) -> Option<NextBestPose> {
@@ -88,7 +89,7 @@ impl Environment for Hurdle {
 fn demonstration(seed: u64) -> Option<DemoEpisode> {
     let mut world = Hurdle { goal: Vec3::ZERO };
     world.reset(seed).ok()?;
-    let (observation, goal) = (world.observe(), world.demonstrated_goal()?);
+    let (observation, goal) = (world.observe().ok()?, world.demonstrated_goal()?);
     let start = PANDA.grip(&PANDA.start);
     let middle = 0.5 * (start.translation + goal.pose.translation) + 3.0 * HURDLE * Vec3::Z;
     let path = BezierCurve::new(&start, middle, &goal.pose).to_joints(&PANDA, &PANDA.start).ok()?;

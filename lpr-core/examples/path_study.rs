@@ -18,6 +18,7 @@ use std::time::Instant;
 
 use lpr_core::agent::{Method, PoseSource};
 use lpr_core::config::Config;
+use lpr_core::demo::DemoEpisode;
 use lpr_core::env::Environment;
 use lpr_core::evaluate::{best_of_all, evaluate, measure_regret};
 use lpr_core::nn::Backend;
@@ -26,7 +27,7 @@ use lpr_core::sim::SimEnvironment;
 use lpr_core::sim::recording::record_demo;
 use lpr_core::sim::tasks::Task;
 use lpr_core::toy::Toy;
-use lpr_core::train::{DemoEpisode, Run, Trainer, default_cameras, demonstration_scene};
+use lpr_core::train::{Run, Trainer, default_cameras, demonstration_scene};
 
 /// Steps between two lines of the table.
 const INTERVAL: u64 = 50;

@@ -20,15 +20,16 @@ use std::time::Instant;
 
 use core::f32::consts::PI;
 use core::ops::Range;
-use lpr_core::agent::{Agent, Method, PoseSource};
+use lpr_core::agent::{Agent, Eyes, Method, PoseSource};
 use lpr_core::config::Config;
+use lpr_core::demo::{DemoEpisode, DemoStep};
 use lpr_core::glamx::Quat;
 use lpr_core::nn::Backend;
 use lpr_core::robot::XARM7;
 use lpr_core::sim::SimEnvironment;
 use lpr_core::sim::recording::record_demo;
 use lpr_core::sim::tasks::Task;
-use lpr_core::train::{DemoEpisode, DemoStep, Run, Trainer, default_cameras, demonstration_scene};
+use lpr_core::train::{Run, Trainer, default_cameras, demonstration_scene};
 
 /// Validation scenes.
 const SCENES: Range<u64> = 1000..1040;
@@ -134,8 +135,7 @@ struct Error {
 }
 
 fn error(agent: &Agent, step: &DemoStep) -> Error {
-    let seen = agent.attended(&step.observation).unwrap();
-    let chosen = agent.goal(&seen).unwrap().pose;
+    let chosen = agent.attend(step.observation.clone(), Eyes::Open).pose;
     let goal = step.goal.pose;
     let turned = goal.rotation * Quat::from_rotation_z(PI);
     let angle =

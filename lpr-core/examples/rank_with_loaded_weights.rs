@@ -34,13 +34,7 @@ fn main() -> Result<(), Box<dyn core::error::Error>> {
 
     let pose =
         Pose3::from_parts(Vec3::new(0.45, 0.1, 0.25), Quat::from_rotation_x(core::f32::consts::PI));
-    let query = PathQuery {
-        robot,
-        start: robot.start,
-        goal: pose,
-        scene: &Scene::empty(),
-        policy_path: None,
-    };
+    let query = PathQuery { robot, start: robot.start, goal: pose, scene: &Scene::empty() };
     let streams = CandidateStreams { seed: 0, step: 0 };
     let set = candidates(&query, saved.agent.candidate_settings(), streams);
     let paths: Vec<_> = set

@@ -73,8 +73,8 @@ impl<E: Environment> Trainer<E> {
         let environment = self.environment();
         environment.reset(episode.scene_seed)?;
         for (path, NextBestPose { gripper, .. }) in episode.actions() {
-            let result = environment.step(path, gripper);
-            if result.terminated || result.truncated {
+            let result = environment.step(path, gripper)?;
+            if result.is_last() {
                 return Err(Error::Checkpoint(
                     "the world does not repeat the episode under way: it ended early".to_owned(),
                 ));

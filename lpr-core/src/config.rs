@@ -4,8 +4,14 @@
 //! No number may be negative or not finite, whatever its module, and some have a range here; which
 //! module refuses what else stands with its settings.
 
+mod training;
+
+pub use training::{Timeout, TrainSettings};
+
+use crate::agent::AgentSettings;
 use crate::demo::DemoSettings;
 use crate::error::{Error, Result};
+use crate::networks::NetworksSettings;
 use crate::path::{CandidateSettings, TimingSettings};
 use crate::policy::PolicySettings;
 use crate::q_attention::QAttentionSettings;
@@ -13,7 +19,6 @@ use crate::ranker::RankerSettings;
 use crate::replay::ReplaySettings;
 #[cfg(feature = "sim")]
 use crate::sim::SimParams;
-use crate::train::TrainSettings;
 
 use serde::{Deserialize, Serialize};
 
@@ -153,6 +158,29 @@ impl Config {
         toml::to_string(self).expect("settings are tables, lists, numbers and words")
     }
 
+    /// The settings of the networks.
+    #[must_use]
+    pub const fn network_settings(&self) -> NetworksSettings<'_> {
+        NetworksSettings {
+            q_attention: &self.q_attention,
+            ranker: &self.ranker,
+            policy: &self.policy,
+        }
+    }
+
+    /// The settings of acting.
+    #[must_use]
+    pub fn agent_settings(&self) -> AgentSettings {
+        let TrainSettings { cloud_spacing, acting_weights, .. } = self.training;
+        let discount = self.ranker.discount;
+        AgentSettings {
+            candidates: self.candidates.clone(),
+            cloud_spacing,
+            acting_weights,
+            discount,
+        }
+    }
+
     /// Checks what no type checks. Ranker, policy and replay check their settings when they are
     /// built.
     fn check(&self) -> Result<()> {
@@ -207,7 +235,6 @@ fn check_number(number: f64, path: &str) -> Result<()> {
 mod tests {
     use super::*;
     use crate::agent::Exploration;
-    use crate::train::Timeout;
 
     fn fast() -> &'static str {
         PRESETS[0].1

@@ -3,6 +3,9 @@
 //! Index logic only: where the observations of the frames are kept is the caller's business. Rules
 //! of the released C2F-ARM.
 
+use crate::path::JointPath;
+use crate::perception::Observation;
+use crate::q_attention::NextBestPose;
 use crate::robot::{DOF, JointConfig};
 
 use glamx::Pose3;
@@ -44,6 +47,25 @@ pub struct DemoSettings {
     /// Fewest frames between a start and its first keyframe (released LPR: the length of a path,
     /// 10; C2F-ARM: 1).
     pub min_start_distance: usize,
+}
+
+/// A demonstration from one of its frames on, as a chain of keyframes; demo augmentation makes
+/// several of one recording.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DemoEpisode {
+    /// The keyframes that are reached one after the other; the last ends in success.
+    pub steps: Vec<DemoStep>,
+}
+
+/// The way to one keyframe of a demonstration.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DemoStep {
+    /// The observation at the start of the way, with the time feature of the step within the chain.
+    pub observation: Observation,
+    /// The keyframe: as the action codec can express it, if poses are learned.
+    pub goal: NextBestPose,
+    /// The recorded configurations up to the keyframe, in any number.
+    pub path: JointPath,
 }
 
 /// One transition of a demonstration, as indices of its frames.

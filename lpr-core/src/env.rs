@@ -1,5 +1,7 @@
 //! The world that an agent acts in: the simulator, the real arm, or a toy.
 
+pub use crate::error::Fault;
+
 use crate::error::Result;
 use crate::path::JointPath;
 use crate::perception::Observation;
@@ -10,7 +12,15 @@ use core::fmt;
 /// Macro actions of one episode at most.
 pub const EPISODE_LENGTH: usize = 10;
 
-/// What an agent can see of a world and do in it.
+/// The world of an agent: what it can see and do.
+///
+/// # Faults
+///
+/// A world can fail: a camera is gone, an arm has latched. Then nobody knows what the last action
+/// led to, so the episode is dropped whole: none of its steps enters the replay, and it counts
+/// neither as a success nor as a failure of the agent. [`Trainer::step`](crate::train::Trainer)
+/// and the functions of [`evaluate`](crate::evaluate) return the error; the caller may go on with
+/// a new episode, or stop with a checkpoint.
 pub trait Environment {
     /// The arm.
     fn robot(&self) -> &'static Robot;
@@ -22,11 +32,20 @@ pub trait Environment {
     /// When the scene cannot be built or placed.
     fn reset(&mut self, seed: u64) -> Result<()>;
 
-    /// What the cameras and the arm report now.
-    fn observe(&mut self) -> Observation;
+    /// The report of cameras and arm now.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Fault`](crate::Error::Fault) when a camera or the arm does not report.
+    fn observe(&mut self) -> Result<Observation>;
 
     /// One macro action: times the path, follows it, then gives the command to the gripper.
-    fn step(&mut self, path: &JointPath, gripper: Gripper) -> StepResult;
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Fault`](crate::Error::Fault) when nobody can tell what the action led to. An action
+    /// that the world refuses or ends early is a result: [`StepResult::invalid`].
+    fn step(&mut self, path: &JointPath, gripper: Gripper) -> Result<StepResult>;
 
     /// The demonstrator's next keyframe, for experiments that replace Q-attention
     /// (`--oracle-poses`); an agent never asks.
@@ -108,7 +127,7 @@ impl fmt::Display for InvalidAction {
     }
 }
 
-/// What an action led to.
+/// Result of an action.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StepResult {
     /// 1 when the task is done, else 0.
@@ -119,4 +138,30 @@ pub struct StepResult {
     pub truncated: bool,
     /// Why the action ended early.
     pub invalid: Option<InvalidAction>,
+}
+
+impl StepResult {
+    /// An action that ended the episode before it moved anything.
+    #[must_use]
+    pub const fn refused(invalid: InvalidAction) -> Self {
+        Self { reward: 0.0, terminated: true, truncated: false, invalid: Some(invalid) }
+    }
+
+    /// Whether the episode is over.
+    #[must_use]
+    pub const fn is_last(&self) -> bool {
+        self.terminated || self.truncated
+    }
+
+    /// A fixed word for an episode that ended so without success: the name of an invalid action,
+    /// `timeout` or `not_done`; none when the task was done.
+    #[must_use]
+    pub fn failure(&self) -> Option<&'static str> {
+        match self.invalid {
+            _ if self.reward > 0.0 => None,
+            Some(invalid) => Some(invalid.name()),
+            None if self.truncated => Some("timeout"),
+            None => Some("not_done"),
+        }
+    }
 }

@@ -41,6 +41,37 @@ pub enum Error {
     /// An unknown task, a scene that cannot be built or placed.
     #[error("environment: {0}")]
     Environment(String),
+    /// A camera or an arm that failed.
+    #[error(transparent)]
+    Fault(#[from] Fault),
+}
+
+/// Failure of a world that is not the agent's doing.
+///
+/// ```
+/// use lpr_core::Error;
+/// use lpr_core::env::Fault;
+///
+/// let gone = Fault::Camera { camera: "front".to_owned(), reason: "no frame for 2 s".to_owned() };
+/// assert_eq!(Error::from(gone).to_string(), "camera front: no frame for 2 s");
+/// ```
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum Fault {
+    /// A camera gives no image.
+    #[error("camera {camera}: {reason}")]
+    Camera {
+        /// Name of the camera.
+        camera: String,
+        /// The reason, for reading.
+        reason: String,
+    },
+    /// The arm has stopped for good, or does not answer.
+    #[error("arm: {reason}")]
+    Arm {
+        /// The reason, for reading.
+        reason: String,
+    },
 }
 
 /// Result with this crate's [`enum@Error`].

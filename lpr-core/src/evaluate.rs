@@ -6,12 +6,12 @@ mod record;
 pub use best_of_all::{Regret, best_of_all, measure_regret};
 pub use record::{RecordedStep, record_episode};
 
-use crate::agent::{Action, Agent, Draws};
+use crate::agent::{Action, Agent, Draws, Eyes};
 use crate::env::{EPISODE_LENGTH, Environment, StepResult};
 use crate::error::Result;
 use crate::path::{CandidateStreams, Source};
-use crate::perception::{Observation, View};
-use crate::train::{ChosenValue, chosen_values, demonstrated_goal, execute, failure};
+use crate::perception::View;
+use crate::train::{ChosenValue, chosen_values};
 
 use core::ops::Range;
 use std::collections::BTreeMap;
@@ -112,11 +112,11 @@ pub fn wilson_interval(successes: u64, trials: u64, z: f64) -> [f64; 2] {
 
 /// Runs the agent greedily in the scenes of `seeds`; `on_episode` hears of each episode.
 ///
-/// What a scene gives depends on its seed and the agent alone, not on the other scenes.
+/// The episode of a scene depends on its seed and the agent alone, not on the other scenes.
 ///
 /// # Errors
 ///
-/// When a scene cannot be built, or a network's answer is not a number.
+/// When a scene cannot be built, the environment fails, or a network's answer is not a number.
 pub fn evaluate(
     agent: &Agent,
     environment: &mut impl Environment,
@@ -127,9 +127,9 @@ pub fn evaluate(
     for seed in seeds {
         let mut run = |environment: &mut _, action: &Action| {
             evaluation.add_action(action);
-            execute(environment, agent.poses(), action)
+            agent.execute(environment, action)
         };
-        let episode = run_episode(agent, environment, seed, &mut run)?;
+        let episode = run_episode(agent, environment, seed, Eyes::Open, &mut run)?;
         evaluation.add(&episode);
         on_episode(&episode);
     }
@@ -151,24 +151,18 @@ pub fn evaluate_shown<E: Environment + Clone>(
     let mut evaluation = Evaluation::default();
     for seed in seeds {
         let views = shown_views(environment, shown, seed)?;
-        environment.reset(seed)?;
         let mut run = |environment: &mut _, action: &Action| {
             evaluation.add_action(action);
-            execute(environment, agent.poses(), action)
+            agent.execute(environment, action)
         };
-        let mut decide = |environment: &mut E, streams| {
-            let observation = environment.observe();
-            let attended = Observation { views: views.clone(), proprio: observation.proprio };
-            decide_on(agent, environment, &observation, &attended, streams)
-        };
-        let episode = run_steps(agent, environment, seed, &mut decide, &mut run)?;
+        let episode = run_episode(agent, environment, seed, Eyes::Shown(&views), &mut run)?;
         evaluation.add(&episode);
         on_episode(&episode);
     }
     Ok(evaluation)
 }
 
-/// What Q-attention is shown in every step of the episode of scene `seed`.
+/// Images that Q-attention is shown in every step of the episode of scene `seed`.
 fn shown_views<E: Environment + Clone>(
     environment: &E,
     shown: Shown,
@@ -176,15 +170,13 @@ fn shown_views<E: Environment + Clone>(
 ) -> Result<Vec<View>> {
     let mut environment = environment.clone();
     match shown {
-        Shown::Blank => Ok(environment
-            .observe()
-            .views
-            .into_iter()
-            .map(|view| View::empty(view.camera))
-            .collect()),
+        Shown::Blank => {
+            let views = environment.observe()?.views;
+            Ok(views.into_iter().map(|view| View::empty(view.camera)).collect())
+        }
         Shown::Foreign => {
             environment.reset(seed.wrapping_add(FOREIGN_SEED_OFFSET))?;
-            Ok(environment.observe().views)
+            Ok(environment.observe()?.views)
         }
     }
 }
@@ -194,63 +186,24 @@ fn run_episode<E: Environment>(
     agent: &Agent,
     environment: &mut E,
     seed: u64,
-    run: &mut impl FnMut(&mut E, &Action) -> StepResult,
+    eyes: Eyes<'_>,
+    run: &mut impl FnMut(&mut E, &Action) -> Result<StepResult>,
 ) -> Result<EvaluatedEpisode> {
     environment.reset(seed)?;
-    run_steps(
-        agent,
-        environment,
-        seed,
-        &mut |environment, streams| decide(agent, environment, streams),
-        run,
-    )
-}
-
-/// The steps of an episode in which `decide` chooses every action and `run` executes it.
-fn run_steps<E: Environment>(
-    agent: &Agent,
-    environment: &mut E,
-    seed: u64,
-    decide: &mut impl FnMut(&mut E, CandidateStreams) -> Result<Action>,
-    run: &mut impl FnMut(&mut E, &Action) -> StepResult,
-) -> Result<EvaluatedEpisode> {
     let mut steps = 0;
     let mut rewards = Vec::new();
     loop {
-        let action = decide(environment, CandidateStreams { seed, step: steps })?;
-        let result = run(environment, &action);
+        let draws = Draws::greedy(CandidateStreams { seed, step: steps });
+        let action = agent.decide(environment, eyes, draws)?;
+        let result = run(environment, &action)?;
         rewards.push((action.chosen_value(), result.reward));
         steps += 1;
-        if result.terminated || result.truncated || steps >= EPISODE_LENGTH as u64 {
-            let failure = (result.reward <= 0.0).then(|| failure(&result));
+        if result.is_last() || steps >= EPISODE_LENGTH as u64 {
             let values = chosen_values(rewards.into_iter(), agent.discount());
+            let failure = result.failure();
             return Ok(EvaluatedEpisode { scene_seed: seed, steps, failure, values });
         }
     }
-}
-
-/// What the agent does now, without exploration.
-fn decide(
-    agent: &Agent,
-    environment: &mut impl Environment,
-    streams: CandidateStreams,
-) -> Result<Action> {
-    let observation = environment.observe();
-    decide_on(agent, environment, &observation, &observation, streams)
-}
-
-/// [`decide`] in the scene of `observation` while Q-attention looks at `attended`.
-fn decide_on(
-    agent: &Agent,
-    environment: &impl Environment,
-    observation: &Observation,
-    attended: &Observation,
-    streams: CandidateStreams,
-) -> Result<Action> {
-    let seen = agent.attended(attended);
-    let learned = seen.as_ref().and_then(|seen| agent.goal(seen));
-    let goal = learned.map_or_else(|| demonstrated_goal(environment), Ok)?;
-    agent.act(observation, goal, Draws::greedy(streams))
 }
 
 #[cfg(test)]
@@ -329,14 +282,9 @@ mod tests {
         let mut toy = Toy::new(&PANDA);
         let views = shown.map(|shown| shown_views(&toy, shown, seed).expect("within reach"));
         toy.reset(seed).expect("within reach");
-        let observation = toy.observe();
-        let attended = Observation {
-            views: views.unwrap_or_else(|| observation.views.clone()),
-            ..observation.clone()
-        };
-        let streams = CandidateStreams { seed, step: 0 };
-        let action =
-            decide_on(agent, &toy, &observation, &attended, streams).expect("finite values");
+        let eyes = views.as_deref().map_or(Eyes::Open, Eyes::Shown);
+        let draws = Draws::greedy(CandidateStreams { seed, step: 0 });
+        let action = agent.decide(&mut toy, eyes, draws).expect("finite values");
         let depths = action.attention.expect("poses are learned").depths;
         (action.goal, depths.into_iter().map(|depth| depth.values).collect())
     }

@@ -11,8 +11,8 @@
 //!   success of the episode. Where few episodes succeed, that leaves the policy next to nothing of
 //!   a batch.
 
-use crate::agent::Networks;
 use crate::error::Result;
+use crate::networks::Networks;
 use crate::q_attention::{QAttention, QObservation, QSample};
 use crate::replay::{Draw, Replay, ReplaySettings, Step, Transition};
 use crate::rng::{Rng, Stream, stream};

@@ -36,6 +36,10 @@ mod lanes;
 #[cfg(feature = "learn")]
 pub mod learner;
 #[cfg(feature = "learn")]
+pub mod method;
+#[cfg(feature = "learn")]
+pub mod networks;
+#[cfg(feature = "learn")]
 pub mod nn;
 pub mod path;
 pub mod perception;

@@ -92,6 +92,52 @@ impl Toy {
         curve.to_joints(self.robot, &self.joints).ok()
     }
 
+    /// The report of camera and arm now; a toy never fails.
+    #[must_use]
+    pub fn observe(&mut self) -> Observation {
+        let eye = self.robot.workspace_center.extend(1.0);
+        let camera = Camera::looking("toy", eye, -Vec3::Z, 1.0)
+            .with_size(KNOB_POINTS * KNOB_POINTS, KNOB_POINTS);
+        let mut view = View::empty(camera);
+        let n = KNOB_POINTS;
+        for idx in 0..view.points.len() {
+            let cell = [idx % n, idx / n % n, idx / (n * n)]
+                .map(|i| (i as f32 / (n - 1) as f32 - 0.5) * 0.03);
+            let point = self.goal(self.keyframe).pose.translation + Vec3::from_array(cell);
+            (view.points[idx], view.rgb[idx], view.depth[idx]) =
+                (point, [200, 30, 30], eye.z - point.z);
+        }
+        let gripper_width = match self.gripper {
+            Gripper::Open => self.robot.gripper.max_width,
+            Gripper::Close => 0.0,
+        };
+        let proprio = Proprio {
+            joints: self.joints,
+            gripper_width,
+            gripper_open: Proprio::openness(gripper_width, self.robot.gripper.max_width),
+            finger_positions: [0.5 * gripper_width; 2],
+            grip: self.robot.grip(&self.joints),
+            time: time_feature(self.n_steps, EPISODE_LENGTH),
+        };
+        Observation { views: vec![view], proprio }
+    }
+
+    /// One macro action; a toy never fails.
+    pub fn step(&mut self, path: &JointPath, gripper: Gripper) -> StepResult {
+        self.n_steps += 1;
+        let result = self.end(path, gripper);
+        if !result.terminated {
+            let goal = self.goal(self.keyframe);
+            let arrived = self.robot.grip(path.goal()).translation.distance(goal.pose.translation)
+                < TOLERANCE;
+            (self.joints, self.gripper) = (*path.goal(), gripper);
+            if arrived && self.keyframe == 0 && gripper == goal.gripper {
+                self.keyframe = 1;
+            }
+        }
+        result
+    }
+
     fn goal(&self, keyframe: usize) -> NextBestPose {
         let position = if keyframe == 0 { self.knob } else { self.knob + TRAVEL };
         NextBestPose {
@@ -160,47 +206,12 @@ impl Environment for Toy {
         Ok(())
     }
 
-    fn observe(&mut self) -> Observation {
-        let eye = self.robot.workspace_center.extend(1.0);
-        let camera = Camera::looking("toy", eye, -Vec3::Z, 1.0)
-            .with_size(KNOB_POINTS * KNOB_POINTS, KNOB_POINTS);
-        let mut view = View::empty(camera);
-        let n = KNOB_POINTS;
-        for idx in 0..view.points.len() {
-            let cell = [idx % n, idx / n % n, idx / (n * n)]
-                .map(|i| (i as f32 / (n - 1) as f32 - 0.5) * 0.03);
-            let point = self.goal(self.keyframe).pose.translation + Vec3::from_array(cell);
-            (view.points[idx], view.rgb[idx], view.depth[idx]) =
-                (point, [200, 30, 30], eye.z - point.z);
-        }
-        let gripper_width = match self.gripper {
-            Gripper::Open => self.robot.gripper.max_width,
-            Gripper::Close => 0.0,
-        };
-        let proprio = Proprio {
-            joints: self.joints,
-            gripper_width,
-            gripper_open: Proprio::openness(gripper_width, self.robot.gripper.max_width),
-            finger_positions: [0.5 * gripper_width; 2],
-            grip: self.robot.grip(&self.joints),
-            time: time_feature(self.n_steps, EPISODE_LENGTH),
-        };
-        Observation { views: vec![view], proprio }
+    fn observe(&mut self) -> Result<Observation> {
+        Ok(Self::observe(self))
     }
 
-    fn step(&mut self, path: &JointPath, gripper: Gripper) -> StepResult {
-        self.n_steps += 1;
-        let result = self.end(path, gripper);
-        if !result.terminated {
-            let goal = self.goal(self.keyframe);
-            let arrived = self.robot.grip(path.goal()).translation.distance(goal.pose.translation)
-                < TOLERANCE;
-            (self.joints, self.gripper) = (*path.goal(), gripper);
-            if arrived && self.keyframe == 0 && gripper == goal.gripper {
-                self.keyframe = 1;
-            }
-        }
-        result
+    fn step(&mut self, path: &JointPath, gripper: Gripper) -> Result<StepResult> {
+        Ok(Self::step(self, path, gripper))
     }
 
     fn demonstrated_goal(&self) -> Option<NextBestPose> {
@@ -211,8 +222,8 @@ impl Environment for Toy {
 #[cfg(feature = "learn")]
 mod demonstrations {
     use super::{Environment as _, Result, Stream, Toy, stream};
+    use crate::demo::{DemoEpisode, DemoStep};
     use crate::error::Error;
-    use crate::train::{DemoEpisode, DemoStep};
 
     impl Toy {
         /// The demonstration of scene `seed`.

@@ -15,19 +15,17 @@
 
 mod episode;
 mod log;
-mod settings;
 
 pub(crate) use episode::{Choice, Episode, Taken};
-pub use episode::{DemoEpisode, DemoStep};
+pub(crate) use log::chosen_values;
 pub use log::{ChosenValue, EpisodeLog, Metrics, StepLog};
-pub(crate) use log::{chosen_values, failure};
-pub use settings::{Timeout, TrainSettings};
 
-use crate::agent::{Action, Agent, Draws, Goal, Init, Method, Networks, PoseSource};
-use crate::config::Config;
-use crate::env::{Environment, InvalidAction, StepResult};
-use crate::error::{Error, Result};
-use crate::learner::{AttentionUpdate, Learner, PathUpdate, Seen};
+use crate::agent::{Action, Agent, Draws, Eyes, Init, Method, Networks, PoseSource};
+use crate::config::{Config, Timeout};
+use crate::demo::DemoEpisode;
+use crate::env::{Environment, StepResult};
+use crate::error::Result;
+use crate::learner::{AttentionUpdate, Learner, PathUpdate};
 use crate::nn::Backend;
 use crate::path::CandidateStreams;
 use crate::rng::{Stream, stream};
@@ -94,8 +92,9 @@ impl<E: Environment> Trainer<E> {
         let robot = environment.robot();
         let init = Init { backend: run.backend, seed: run.seed };
         // Lines 1 and 2: Q-attention, policy and ranker with fresh parameters.
-        let networks = Networks::new(&config, robot, run.method, run.poses, init)?;
-        let agent = Agent::new(&config, robot, run.method, networks);
+        let networks =
+            Networks::new(config.network_settings(), robot, run.method, run.poses, init)?;
+        let agent = Agent::new(config.agent_settings(), robot, run.method, networks);
         // Line 3: the buffer.
         let learner = Learner::new(&config.replay, run.seed)?;
         Ok(Self {
@@ -157,18 +156,13 @@ impl<E: Environment> Trainer<E> {
     pub fn step(&mut self) -> Result<StepLog> {
         // Lines 4 and 5: for each iteration, for each environment step t.
         let mut episode = self.running_episode()?;
-        // Line 6: o_t ← (b_t, p_t, z_t).
-        let observation = self.environment.observe();
-        let seen = self.agent.attended(&observation);
-        // Line 7: g_t ← Q_θ(o_t).
-        let goal = self.goal(&seen)?;
-        // Lines 8–11: ξ^m ← f_m(z_t, g_t, M); ξ^b ← f_b(z_t, g_t, B); ξ^π ← π(o_t, g_t) if valid; Ξ
-        // ← all of them. Line 12: ξ* ← argmax Q^R(Ξ).
-        let action = self.agent.act(&observation, goal, self.draws())?;
+        // Lines 6–12: o_t ← (b_t, p_t, z_t); g_t ← Q_θ(o_t); Ξ ← paths to g_t; ξ* ← argmax Q^R(Ξ).
+        let draws = self.draws();
+        let action = self.agent.decide(&mut self.environment, Eyes::Open, draws)?;
         // Line 13: o_{t+1}, r ← env.step(ξ*).
-        let result = execute(&mut self.environment, self.run.poses, &action);
+        let result = self.agent.execute(&mut self.environment, &action)?;
         // Line 14: D ← D ∪ {(o_t, g_t, r, o_{t+1}, ξ*)}, once the episode's end is known.
-        episode.push(&action, &observation, seen, &result);
+        episode.push(&action, &result);
         self.progress.env_steps += 1;
         let ended = self.store_if_ended(episode, &result)?;
         // Lines 15–22: end for; for each gradient step: update Q_θ, μ ← μ - λ ∇J_π, σ ← σ - λ ∇J_R,
@@ -213,11 +207,6 @@ impl<E: Environment> Trainer<E> {
         Ok(Episode::new(seed))
     }
 
-    fn goal(&self, seen: &Seen) -> Result<Goal> {
-        let learned = seen.as_ref().and_then(|seen| self.agent.goal(seen));
-        learned.map_or_else(|| demonstrated_goal(&self.environment), Ok)
-    }
-
     fn draws(&self) -> Draws {
         let step = self.progress.env_steps;
         let streams = CandidateStreams { seed: self.run.seed, step };
@@ -230,7 +219,7 @@ impl<E: Environment> Trainer<E> {
         mut episode: Episode,
         last: &StepResult,
     ) -> Result<Option<EpisodeLog>> {
-        if !last.terminated && !last.truncated {
+        if !last.is_last() {
             self.episode = Some(episode);
             return Ok(None);
         }
@@ -251,14 +240,15 @@ impl<E: Environment> Trainer<E> {
     fn decide_once_more(&mut self, episode: &mut Episode) -> Result<()> {
         /// Numbers of the draws that no environment step takes.
         const AFTER_THE_END: u64 = 1 << 39;
-        let observation = self.environment.observe();
-        let seen = self.agent.attended(&observation);
         // A demonstrator may have no further pose: then nothing follows.
-        let Ok(goal) = self.goal(&seen) else { return Ok(()) };
+        if self.agent.is_out_of_poses(&self.environment) {
+            return Ok(());
+        }
         let streams =
             CandidateStreams { seed: self.run.seed, step: AFTER_THE_END | self.progress.env_steps };
-        let action = self.agent.act(&observation, goal, Draws::greedy(streams))?;
-        episode.push_next(&action, &observation, seen);
+        let draws = Draws::greedy(streams);
+        let action = self.agent.decide(&mut self.environment, Eyes::Open, draws)?;
+        episode.push_next(&action);
         Ok(())
     }
 
@@ -321,34 +311,6 @@ impl<E> Trainer<E> {
     pub const fn environment(&mut self) -> &mut E {
         &mut self.environment
     }
-}
-
-/// Runs the chosen path (line 13). Without a path the episode ends, and so it does when the
-/// demonstrator has no further pose.
-pub(crate) fn execute(
-    environment: &mut impl Environment,
-    poses: PoseSource,
-    action: &Action,
-) -> StepResult {
-    let result = match action.path() {
-        Some(candidate) => environment.step(&candidate.path, action.goal.gripper),
-        None => StepResult {
-            reward: 0.0,
-            terminated: true,
-            truncated: false,
-            invalid: Some(InvalidAction::NoPath),
-        },
-    };
-    let goes_on = !result.terminated && !result.truncated;
-    let ends = goes_on && poses == PoseSource::Oracle && environment.demonstrated_goal().is_none();
-    StepResult { terminated: result.terminated || ends, ..result }
-}
-
-/// The demonstrator's pose, for agents without Q-attention.
-pub(crate) fn demonstrated_goal(environment: &impl Environment) -> Result<Goal> {
-    let missing =
-        || Error::Environment("no demonstrated pose: this world needs learned poses".to_owned());
-    environment.demonstrated_goal().map(Goal::from).ok_or_else(missing)
 }
 
 /// Scene seed of training episode `episode` of a run with `seed`: never one that an evaluation

@@ -308,9 +308,15 @@ pub(crate) mod tests {
         config.candidates.planner_paths = 3;
         config.candidates.bezier_paths = 3;
         let init = Init { backend: Backend::Flex, seed: 0 };
-        let networks =
-            Networks::new(&config, &XARM7, Method::ShortestFree, PoseSource::Oracle, init).unwrap();
-        let agent = Agent::new(&config, &XARM7, Method::ShortestFree, networks);
+        let networks = Networks::new(
+            config.network_settings(),
+            &XARM7,
+            Method::ShortestFree,
+            PoseSource::Oracle,
+            init,
+        )
+        .unwrap();
+        let agent = Agent::new(config.agent_settings(), &XARM7, Method::ShortestFree, networks);
         let task = Task::by_name(task).unwrap();
         let mut environment =
             SimEnvironment::new(task, &XARM7, seed, &["front"], &config.simulator).unwrap();

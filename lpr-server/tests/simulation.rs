@@ -308,10 +308,10 @@ fn recorded_episode(directory: &Path) -> std::path::PathBuf {
     let (robot, method) = (&lpr_core::robot::PANDA, Method::Random);
     let init = Init { backend: lpr_core::nn::Backend::Flex, seed: 0 };
     let agent = Agent::new(
-        &config,
+        config.agent_settings(),
         robot,
         method,
-        Networks::new(&config, robot, method, PoseSource::Oracle, init).unwrap(),
+        Networks::new(config.network_settings(), robot, method, PoseSource::Oracle, init).unwrap(),
     );
     let task = lpr_core::sim::tasks::Task::by_name("take_lid_off_saucepan").unwrap();
     let mut environment =

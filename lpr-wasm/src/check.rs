@@ -73,8 +73,14 @@ impl CandidatesBench {
         const SCENE: u64 = 1000;
         let config = Config::preset("fast")?;
         let init = Init { backend: Backend::Flex, seed: 0 };
-        let networks = Networks::new(&config, &XARM7, Method::Lpr, PoseSource::Oracle, init)?;
-        let agent = Agent::new(&config, &XARM7, Method::Lpr, networks);
+        let networks = Networks::new(
+            config.network_settings(),
+            &XARM7,
+            Method::Lpr,
+            PoseSource::Oracle,
+            init,
+        )?;
+        let agent = Agent::new(config.agent_settings(), &XARM7, Method::Lpr, networks);
         let mut environment = SimEnvironment::new(
             Task::by_name("toilet_seat_up")?,
             &XARM7,
@@ -95,7 +101,7 @@ impl CandidatesBench {
     /// As [`Agent::act`].
     pub fn run(&self, step: u64) -> Result<String> {
         let draws = Draws::greedy(CandidateStreams { seed: 0, step });
-        let action = self.agent.act(&self.observation, Goal::from(self.goal), draws)?;
+        let action = self.agent.act(Goal::given(self.observation.clone(), self.goal), draws)?;
         let mut hasher = DefaultHasher::new();
         for candidate in &action.set.candidates {
             if matches!(candidate.source, Source::Planner | Source::Bezier) {

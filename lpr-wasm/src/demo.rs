@@ -5,7 +5,7 @@
 
 use crate::plan::Plan;
 use crate::scene::SceneView;
-use lpr_core::agent::{Action, Agent, Draws};
+use lpr_core::agent::{Action, Agent, Draws, Eyes};
 use lpr_core::checkpoint::{SavedAgent, load_agent};
 use lpr_core::env::{Environment as _, StepResult};
 use lpr_core::error::{Error, Result};
@@ -128,16 +128,8 @@ impl Demo {
         if self.is_over {
             return Err(Error::Environment("the episode is over: reset it".to_owned()));
         }
-        let observation = self.environment.observe();
-        let learned = self.agent.attended(&observation).and_then(|seen| self.agent.goal(&seen));
-        let demonstrated = || self.environment.demonstrated_goal().map(Into::into);
-        let missing = || Error::Environment("the demonstrator has no further pose".to_owned());
-        let goal = learned.or_else(demonstrated).ok_or_else(missing)?;
-        self.agent.act(
-            &observation,
-            goal,
-            Draws::greedy(CandidateStreams { seed: self.seed, step: self.step }),
-        )
+        let streams = CandidateStreams { seed: self.seed, step: self.step };
+        self.agent.decide(&mut self.environment, Eyes::Open, Draws::greedy(streams))
     }
 
     /// Poses of the robot's items along a candidate: configurations × robot items × [`POSE_LEN`].
@@ -162,7 +154,9 @@ impl Demo {
         let mut frames = Vec::new();
         let gripper = action.goal.gripper;
         let result =
-            self.environment.step_recorded(&path, gripper, |world| frames.extend(poses(world)));
+            self.agent.execute_with(&mut self.environment, Some(&path), |world, path| {
+                Ok(world.step_recorded(path, gripper, |world| frames.extend(poses(world))))
+            })?;
         // An action that is refused before the arm moves has one frame, too.
         if frames.is_empty() {
             frames = self.poses();
@@ -173,9 +167,7 @@ impl Demo {
     fn outcome(&mut self, result: StepResult) -> Outcome {
         let step = self.step;
         self.step += 1;
-        self.is_over = result.terminated
-            || result.truncated
-            || is_out_of_poses(&self.agent, &self.environment);
+        self.is_over = result.is_last();
         let world = self.environment.world();
         Outcome {
             step,
@@ -195,11 +187,6 @@ impl Demo {
         let missing = || Error::Environment(format!("there is no candidate {candidate}"));
         action.set.candidates.get(candidate).ok_or_else(missing)
     }
-}
-
-/// Whether the agent needs poses of the demonstrator, who has none left.
-fn is_out_of_poses(agent: &Agent, environment: &SimEnvironment) -> bool {
-    agent.networks.q_attention.is_none() && environment.demonstrated_goal().is_none()
 }
 
 fn poses(world: &World) -> Vec<f32> {

@@ -228,8 +228,7 @@ impl Planner {
     /// When start or goal are no numbers.
     pub fn candidates(&self, request: &Request) -> Result<Candidates> {
         let (start, goal) = (request.start()?, request.goal()?);
-        let query =
-            PathQuery { robot: self.robot, start, goal, scene: &self.scene, policy_path: None };
+        let query = PathQuery { robot: self.robot, start, goal, scene: &self.scene };
         let set = candidates(
             &query,
             &CANDIDATES,

@@ -6,6 +6,7 @@ mod checkpoints;
 mod dependencies;
 mod evaluation;
 mod events;
+mod imports;
 mod interrupted;
 mod lpr;
 mod output;

@@ -4,10 +4,10 @@
 //! Types of the core are converted to what is stored here, so that none of them has to be built
 //! from unchecked bytes.
 
-use crate::agent::Networks;
 use crate::digest;
 use crate::error::{Error, Result};
 use crate::learner::{Learner, Row, Seen, UpdateCounts};
+use crate::networks::Networks;
 use crate::nn::{AdamState, NamedTensor};
 use crate::path::{JointPath, Source};
 use crate::perception::{Proprio, VoxelBounds};

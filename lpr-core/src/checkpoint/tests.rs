@@ -1,5 +1,5 @@
 use super::*;
-use crate::agent::{Method, PoseSource};
+use crate::agent::{Eyes, Method, PoseSource};
 use crate::q_attention::{NetworkSettings, Weights};
 use crate::robot::{PANDA, XARM7};
 use crate::toy::Toy;
@@ -81,9 +81,8 @@ fn the_weights_alone_make_an_agent_that_attends_alike_whichever_network_acts() {
         let checkpoint = trainer.checkpoint().expect("a small seed");
         let saved = load_agent(&checkpoint.weights).expect("an intact file");
         let observation = trainer.environment().observe();
-        let seen = trainer.agent().attended(&observation).expect("poses are learned");
         let goal = |agent: &crate::agent::Agent| {
-            agent.goal(&seen).expect("poses are learned").attention.map(|choice| choice.value)
+            agent.attend(observation.clone(), Eyes::Open).attention.map(|choice| choice.value)
         };
         assert_eq!(goal(&saved.agent), goal(trainer.agent()));
         let mut resumed =

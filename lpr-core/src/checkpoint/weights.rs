@@ -1,9 +1,10 @@
 //! `weights.safetensors`: the networks that act, and in the metadata what they are of.
 
-use crate::agent::{Agent, Init, Networks};
+use crate::agent::Agent;
 use crate::config::Config;
 use crate::digest;
 use crate::error::{Error, Result};
+use crate::networks::{Init, Networks};
 use crate::nn::NamedTensor;
 use crate::robot::Robot;
 use crate::train::{Progress, Run, Trainer};
@@ -69,7 +70,13 @@ pub fn load_agent(weights: &[u8]) -> Result<SavedAgent> {
     let robot = Robot::by_name(&header.robot)
         .map_err(|error| Error::Checkpoint(format!("weights: {error}")))?;
     let Run { method, poses, backend, seed, .. } = header.run;
-    let mut networks = Networks::new(&header.config, robot, method, poses, Init { backend, seed })?;
+    let mut networks = Networks::new(
+        header.config.network_settings(),
+        robot,
+        method,
+        poses,
+        Init { backend, seed },
+    )?;
     if let Some(attention) = &mut networks.q_attention {
         let mut state = attention.state();
         for (depth_idx, depth) in state.depths.iter_mut().enumerate() {
@@ -95,7 +102,7 @@ pub fn load_agent(weights: &[u8]) -> Result<SavedAgent> {
             tensor.name
         )));
     }
-    let agent = Agent::new(&header.config, robot, method, networks);
+    let agent = Agent::new(header.config.agent_settings(), robot, method, networks);
     Ok(SavedAgent { header, agent })
 }
 

@@ -1,11 +1,10 @@
 //! What the candidates could have given: every one is executed from a snapshot of the world.
 
 use super::{EvaluatedEpisode, Evaluation, run_episode};
-use crate::agent::{Action, Agent};
-use crate::env::{Environment, StepResult};
+use crate::agent::{Action, Agent, Eyes};
+use crate::env::Environment;
 use crate::error::Result;
 use crate::path::map_in_order;
-use crate::train::execute;
 
 use core::ops::Range;
 
@@ -53,11 +52,12 @@ pub fn best_of_all<E: Environment + Clone>(
     let mut evaluation = Evaluation::default();
     for seed in seeds {
         let mut run = |environment: &mut E, action: &Action| {
-            let action = Action { chosen: best_candidate(environment, action), ..action.clone() };
+            let chosen = best_candidate(environment, action)?;
+            let action = Action { chosen, ..action.clone() };
             evaluation.add_action(&action);
-            execute(environment, agent.poses(), &action)
+            agent.execute(environment, &action)
         };
-        let episode = run_episode(agent, environment, seed, &mut run)?;
+        let episode = run_episode(agent, environment, seed, Eyes::Open, &mut run)?;
         evaluation.add(&episode);
         on_episode(&episode);
     }
@@ -78,46 +78,40 @@ pub fn measure_regret<E: Environment + Clone + Send + Sync>(
     for seed in seeds {
         let mut run = |environment: &mut E, action: &Action| {
             let (snapshot, candidates) = (&*environment, &action.set.candidates);
-            let rewards = map_in_order(candidates.len(), |idx| {
-                snapshot.clone().step(&candidates[idx].path, action.goal.gripper).reward
-            });
+            let reward = |idx: usize| {
+                let result = snapshot.clone().step(&candidates[idx].path, action.goal.gripper)?;
+                Ok(result.reward)
+            };
+            let rewards: Vec<f32> =
+                map_in_order(candidates.len(), reward).into_iter().collect::<Result<_>>()?;
             let best = rewards.into_iter().fold(0.0, f32::max);
-            let result = execute(environment, agent.poses(), action);
+            let result = agent.execute(environment, action)?;
             regret.add(best, result.reward);
-            result
+            Ok(result)
         };
-        run_episode(agent, environment, seed, &mut run)?;
+        run_episode(agent, environment, seed, Eyes::Open, &mut run)?;
     }
     Ok(regret)
 }
 
-/// Every candidate's world after it, and what came of it.
-fn outcomes<E: Environment + Clone>(
-    snapshot: &E,
-    action: &Action,
-) -> impl Iterator<Item = (E, StepResult)> {
-    action.set.candidates.iter().map(|candidate| {
-        let mut world = snapshot.clone();
-        let result = world.step(&candidate.path, action.goal.gripper);
-        (world, result)
-    })
-}
-
 /// Index of the candidate that the oracle takes.
-fn best_candidate<E: Environment + Clone>(snapshot: &E, action: &Action) -> Option<usize> {
+fn best_candidate<E: Environment + Clone>(snapshot: &E, action: &Action) -> Result<Option<usize>> {
     let mut best: Option<(usize, f32)> = None;
-    for (idx, (mut world, result)) in outcomes(snapshot, action).enumerate() {
+    for (idx, candidate) in action.set.candidates.iter().enumerate() {
+        let mut world = snapshot.clone();
+        let result = world.step(&candidate.path, action.goal.gripper)?;
         if result.reward > 0.0 {
-            return Some(idx);
+            return Ok(Some(idx));
         }
         let distance = if result.invalid.is_some() {
             f32::INFINITY
         } else {
-            world.observe().proprio.grip.translation.distance(action.goal.pose.translation)
+            let grip = world.observe()?.proprio.grip;
+            grip.translation.distance(action.goal.pose.translation)
         };
         if best.is_none_or(|(_, least)| distance < least) {
             best = Some((idx, distance));
         }
     }
-    best.map(|(idx, _)| idx)
+    Ok(best.map(|(idx, _)| idx))
 }

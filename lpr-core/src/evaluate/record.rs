@@ -1,17 +1,16 @@
 //! One greedy episode with everything that was decided in it, for files and animations.
 
 use super::run_episode;
-use crate::agent::{Action, Agent};
+use crate::agent::{Action, Agent, Eyes};
 use crate::env::{Environment, StepResult};
 use crate::error::Result;
-use crate::train::execute;
 
 /// An environment step of a recorded episode.
 #[derive(Debug, Clone)]
 pub struct RecordedStep {
-    /// What the agent came to, with every candidate.
+    /// Decision of the agent, with every candidate.
     pub action: Action,
-    /// What came of it.
+    /// Result of its run.
     pub result: StepResult,
 }
 
@@ -27,10 +26,10 @@ pub fn record_episode(
 ) -> Result<Vec<RecordedStep>> {
     let mut steps = Vec::new();
     let mut run = |environment: &mut _, action: &Action| {
-        let result = execute(environment, agent.poses(), action);
+        let result = agent.execute(environment, action)?;
         steps.push(RecordedStep { action: action.clone(), result });
-        result
+        Ok(result)
     };
-    run_episode(agent, environment, seed, &mut run)?;
+    run_episode(agent, environment, seed, Eyes::Open, &mut run)?;
     Ok(steps)
 }

@@ -34,7 +34,7 @@ use crate::scene::{ArmSpheres, MotionChecker};
 /// let at = |y: f32| Pose3::from_parts(Vec3::new(0.0, y, 0.1), Quat::from_rotation_x(core::f32::consts::PI));
 /// let start = XARM7.ik_nearest(&at(-0.4), &XARM7.start).ok_or(Rejection::Unreachable)?;
 /// let scene = Scene::empty();
-/// let query = PathQuery { robot: &XARM7, start, goal: at(0.4), scene: &scene, policy_path: None };
+/// let query = PathQuery { robot: &XARM7, start, goal: at(0.4), scene: &scene };
 /// assert!(linear_candidate(&query, &settings).is_err());
 /// let path = c2farm_path(&query, &settings, CandidateStreams { seed: 0, step: 0 })?;
 /// assert_eq!((path.source, path.path.configs().len()), (Source::Planner, 10));

@@ -1,4 +1,4 @@
-//! The set of candidate paths that the ranker sees (Algorithm 1, lines 7–10).
+//! The set of candidate paths that the ranker sees (Algorithm 1, lines 8–11).
 //!
 //! What ranks is what runs: every candidate is the `T` configurations that the arm will follow,
 //! joined linearly, and `collides` is computed on them.
@@ -135,8 +135,6 @@ pub struct PathQuery<'a> {
     pub goal: Pose3,
     /// What it must not hit.
     pub scene: &'a Scene,
-    /// The path policy's proposal.
-    pub policy_path: Option<&'a JointPath>,
 }
 
 /// Which generators a candidate set draws from: one for every stream and draw, so that no draw
@@ -180,7 +178,7 @@ pub struct RejectedPath {
 
 /// The candidates (`Ξ` in the paper) and what was rejected, both in the order planner, Bézier,
 /// screw, policy.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct CandidateSet {
     /// Paths to rank.
     pub candidates: Vec<CandidatePath>,
@@ -196,7 +194,13 @@ impl CandidateSet {
         free.min_by(|a, b| a.path.length().total_cmp(&b.path.length()))
     }
 
-    fn add(&mut self, source: Source, outcomes: Vec<Outcome>) {
+    /// Mean length of the candidates, radians; none without candidates.
+    fn mean_length(&self) -> Option<f32> {
+        let lengths = self.candidates.iter().map(|candidate| candidate.path.length());
+        (!self.candidates.is_empty()).then(|| lengths.sum::<f32>() / self.candidates.len() as f32)
+    }
+
+    fn add(&mut self, SampledPaths { source, outcomes }: SampledPaths) {
         for outcome in outcomes {
             self.rejected
                 .extend(outcome.failures.into_iter().map(|reason| RejectedPath { source, reason }));
@@ -210,7 +214,14 @@ impl CandidateSet {
     }
 }
 
-/// What the draws for one path gave: the path with its `collides` flag, if any, and the failures
+/// The paths of one generator, in the order of their draws; [`PathSampler::join`] takes them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SampledPaths {
+    source: Source,
+    outcomes: Vec<Outcome>,
+}
+
+/// Outcome of the draws for one path: the path with its `collides` flag, if any, and the failures
 /// before it.
 #[derive(Debug, Clone, PartialEq)]
 struct Outcome {
@@ -224,8 +235,8 @@ impl From<Rejection> for Outcome {
     }
 }
 
-/// The candidate paths for `query`, deterministic for its streams and the same for any number of
-/// threads.
+/// The candidate paths for `query` without a policy (lines 8, 9 and 11 of Algorithm 1),
+/// deterministic for its streams and the same for any number of threads.
 ///
 /// ```
 /// use lpr_core::glamx::{Pose3, Vec3};
@@ -250,7 +261,7 @@ impl From<Rejection> for Outcome {
 /// let goal = Pose3::from_parts(start.translation + Vec3::new(0.0, 0.3, 0.0), start.rotation);
 /// let post = Primitive::Sphere { center: start.translation + Vec3::new(0.0, 0.15, 0.0), radius: 0.02 };
 /// let scene = Scene::from_primitives(vec![post]);
-/// let query = PathQuery { robot: &XARM7, start: XARM7.start, goal, scene: &scene, policy_path: None };
+/// let query = PathQuery { robot: &XARM7, start: XARM7.start, goal, scene: &scene };
 /// let set = candidates(&query, &settings, CandidateStreams { seed: 0, step: 0 });
 ///
 /// assert!(set.candidates.iter().all(|candidate| candidate.path.configs().len() == 10));
@@ -268,22 +279,8 @@ pub fn candidates(
     settings: &CandidateSettings,
     streams: CandidateStreams,
 ) -> CandidateSet {
-    let generator = Generator { query, settings, streams, arm: &ArmSpheres::new(query.robot) };
-    let goals = goal_configs(query, settings, streams);
-    let mut set = CandidateSet { candidates: Vec::new(), rejected: Vec::new() };
-    set.add(Source::Planner, generator.planner_paths(&goals));
-    set.add(Source::Bezier, generator.bezier_paths(&goals));
-    set.add(Source::Screw, generator.screw_paths(&goals));
-    if let Some(proposal) = query.policy_path {
-        let lengths = set.candidates.iter().map(|candidate| candidate.path.length());
-        let mean = (!set.candidates.is_empty())
-            .then(|| lengths.sum::<f32>() / set.candidates.len() as f32);
-        set.add(
-            Source::Policy,
-            vec![generator.policy_path(proposal, mean).unwrap_or_else(Outcome::from)],
-        );
-    }
-    set
+    let paths = PathSampler::new(query, settings, streams);
+    paths.join(paths.planner_paths(), paths.bezier_paths(), None)
 }
 
 /// Distinct goal configurations, as many as planner paths if there are so many; none for a start or
@@ -306,18 +303,65 @@ pub(super) fn goal_configs(
     )
 }
 
-/// What every generator needs.
-struct Generator<'a> {
+/// The path generators of Algorithm 1 (lines 8–11) for one query.
+#[derive(Debug)]
+pub struct PathSampler<'a> {
     query: &'a PathQuery<'a>,
     settings: &'a CandidateSettings,
     streams: CandidateStreams,
-    arm: &'a ArmSpheres,
+    arm: ArmSpheres,
+    /// Goal configurations, which planner and curves share.
+    goals: Vec<JointConfig>,
 }
 
-impl Generator<'_> {
+impl<'a> PathSampler<'a> {
+    /// The generators of `query`: draws the goal configurations.
+    #[must_use]
+    pub fn new(
+        query: &'a PathQuery<'a>,
+        settings: &'a CandidateSettings,
+        streams: CandidateStreams,
+    ) -> Self {
+        let goals = goal_configs(query, settings, streams);
+        Self { query, settings, streams, arm: ArmSpheres::new(query.robot), goals }
+    }
+
+    /// Line 8: [`CandidateSettings::planner_paths`] paths of the planner.
+    #[must_use]
+    pub fn planner_paths(&self) -> SampledPaths {
+        SampledPaths { source: Source::Planner, outcomes: self.planned(&self.goals) }
+    }
+
+    /// Line 9: [`CandidateSettings::bezier_paths`] Bézier paths.
+    #[must_use]
+    pub fn bezier_paths(&self) -> SampledPaths {
+        SampledPaths { source: Source::Bezier, outcomes: self.curved(&self.goals) }
+    }
+
+    /// Line 11: the candidates of all generators, and line 10's "if valid" for the path that the
+    /// policy proposed. A path that is already there is not added.
+    #[must_use]
+    pub fn join(
+        &self,
+        planned: SampledPaths,
+        curved: SampledPaths,
+        proposed: Option<&JointPath>,
+    ) -> CandidateSet {
+        let mut set = CandidateSet::default();
+        set.add(planned);
+        set.add(curved);
+        set.add(SampledPaths { source: Source::Screw, outcomes: self.screws(&self.goals) });
+        if let Some(proposal) = proposed {
+            let valid = self.valid_policy_path(proposal, set.mean_length());
+            let outcomes = vec![valid.unwrap_or_else(Outcome::from)];
+            set.add(SampledPaths { source: Source::Policy, outcomes });
+        }
+        set
+    }
+
     /// Planner paths (`M`): those with checks on go to the free goals from the first, those with
     /// checks off to the goals from the last, in turns.
-    fn planner_paths(&self, goals: &[JointConfig]) -> Vec<Outcome> {
+    fn planned(&self, goals: &[JointConfig]) -> Vec<Outcome> {
         let checker = self.checker();
         let free_goals: Vec<JointConfig> =
             goals.iter().copied().filter(|goal| checker.is_free(goal)).collect();
@@ -372,7 +416,7 @@ impl Generator<'_> {
     }
 
     /// Bézier paths (`B`).
-    fn bezier_paths(&self, goals: &[JointConfig]) -> Vec<Outcome> {
+    fn curved(&self, goals: &[JointConfig]) -> Vec<Outcome> {
         let start_pose = self.query.robot.grip(&self.query.start);
         map_in_order(self.settings.bezier_paths, |path_idx| {
             if goals.is_empty() {
@@ -391,7 +435,7 @@ impl Generator<'_> {
     }
 
     /// The screw motion, if it is asked for.
-    fn screw_paths(&self, goals: &[JointConfig]) -> Vec<Outcome> {
+    fn screws(&self, goals: &[JointConfig]) -> Vec<Outcome> {
         let outcome = || match goals {
             [] => Rejection::Unreachable.into(),
             _ => self.screw_path().unwrap_or_else(Outcome::from),
@@ -407,7 +451,7 @@ impl Generator<'_> {
 
     /// The policy's path with its ends moved to the start and the nearest goal configuration;
     /// `mean_length` is that of the other candidates, if there are any (section IV-B).
-    fn policy_path(
+    fn valid_policy_path(
         &self,
         proposal: &JointPath,
         mean_length: Option<f32>,
@@ -448,7 +492,7 @@ impl Generator<'_> {
     }
 
     const fn checker(&self) -> MotionChecker<'_> {
-        MotionChecker::new(self.query.scene, self.arm, self.settings.rrt.checks_per_radian)
+        MotionChecker::new(self.query.scene, &self.arm, self.settings.rrt.checks_per_radian)
     }
 }
 

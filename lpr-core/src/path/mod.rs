@@ -30,8 +30,8 @@ pub use bezier::{BezierCurve, BezierSettings};
 #[cfg(feature = "sim")]
 pub(crate) use candidates::map_in_order;
 pub use candidates::{
-    CandidatePath, CandidateSet, CandidateSettings, CandidateStreams, PathQuery, RejectedPath,
-    candidates,
+    CandidatePath, CandidateSet, CandidateSettings, CandidateStreams, PathQuery, PathSampler,
+    RejectedPath, SampledPaths, candidates,
 };
 pub use kpiece::{KpieceSettings, kpiece};
 #[cfg(feature = "sim")]

@@ -23,7 +23,7 @@ pub use cloud::{PointCloud, downsample};
 pub use motion::MotionChecker;
 pub use obstacles::{
     CONTACT_DISTANCE, HELD_BOX, Holding, ObstacleQuery, POINT_RADIUS, SELF_FILTER_INFLATION, VOXEL,
-    obstacle_scene,
+    observed_obstacles, obstacle_scene,
 };
 pub use primitive::{Face, Primitive};
 pub use proximity::Proximity;

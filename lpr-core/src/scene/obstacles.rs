@@ -6,6 +6,7 @@
 
 use super::arm_spheres::ArmPart;
 use super::{ArmSpheres, PointCloud, Scene, downsample};
+use crate::perception::Observation;
 use crate::robot::{HAND, JointConfig, Robot, Sphere};
 use glamx::{Pose3, Vec3};
 
@@ -72,6 +73,20 @@ pub struct ObstacleQuery<'a> {
     pub goal: Option<&'a Pose3>,
     /// Whether it holds something.
     pub holding: Holding,
+}
+
+/// The scene that the cloud of all cameras of an observation makes: [`obstacle_scene`] at the
+/// measured configuration.
+#[must_use]
+pub fn observed_obstacles(
+    robot: &Robot,
+    observation: &Observation,
+    goal: Option<&Pose3>,
+    holding: Holding,
+) -> Scene {
+    let measured = &observation.proprio.joints;
+    let points: Vec<Vec3> = observation.colored_points().map(|(point, _)| point).collect();
+    obstacle_scene(&ObstacleQuery { robot, measured, goal, holding }, &points)
 }
 
 /// The scene that a cloud of `points` (world frame, metres) makes.

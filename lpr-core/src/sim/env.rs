@@ -13,9 +13,9 @@ use crate::path::{JointPath, TimedPath, TimingSettings};
 use crate::perception::{Camera, Observation, Proprio, time_feature};
 use crate::q_attention::NextBestPose;
 use crate::rng::Rng;
-use crate::robot::{Gripper, Robot};
-use crate::scene::{self, ObstacleQuery, Scene, obstacle_scene};
-use glamx::{Pose3, Vec3};
+use crate::robot::{Gripper, JointConfig, Robot};
+use crate::scene::{self, Scene, observed_obstacles};
+use glamx::Pose3;
 use std::sync::Arc;
 
 /// Physics steps for the scene to settle after a reset.
@@ -203,6 +203,17 @@ impl SimEnvironment {
         self.step
     }
 
+    /// This scene at its start, with the arm at `config` instead of its start configuration.
+    ///
+    /// # Errors
+    ///
+    /// As [`World::new`].
+    pub fn around(&self, config: JointConfig) -> Result<Self> {
+        let spec = Arc::new(self.world.spec().clone());
+        let world = settled(World::new(spec, self.robot, config, &self.params)?);
+        Ok(Self { world, step: 0, ..self.clone() })
+    }
+
     /// This episode with its world as in `world`, after `step` macro actions.
     #[must_use]
     pub fn at(&self, world: World, step: usize) -> Self {
@@ -213,19 +224,36 @@ impl SimEnvironment {
     /// (`world_from_grip`).
     #[must_use]
     pub fn obstacles(&mut self, goal: Option<&Pose3>) -> Scene {
-        let observation = self.observe();
-        let points: Vec<Vec3> = observation.colored_points().map(|(point, _)| point).collect();
         let holding = if self.world.holding() == Holding::Nothing {
             scene::Holding::Nothing
         } else {
             scene::Holding::Object
         };
-        let query =
-            ObstacleQuery { robot: self.robot, measured: self.world.config(), goal, holding };
-        obstacle_scene(&query, &points)
+        observed_obstacles(self.robot, &self.observe(), goal, holding)
     }
 
-    /// As [`Environment::step`], calling `record` after every control step and after the gripper's
+    /// The report of cameras and arm now; a simulator never fails.
+    #[must_use]
+    pub fn observe(&mut self) -> Observation {
+        let views = self.cameras.clone().into_iter().map(|camera| self.view(camera)).collect();
+        let width = self.world.gripper_width();
+        let proprio = Proprio {
+            joints: *self.world.config(),
+            gripper_width: width,
+            gripper_open: Proprio::openness(width, self.robot.gripper.max_width),
+            finger_positions: [0.5 * width; 2],
+            grip: self.robot.grip(self.world.config()),
+            time: time_feature(self.step, EPISODE_LENGTH),
+        };
+        Observation { views, proprio }
+    }
+
+    /// One macro action; a simulator never fails.
+    pub fn step(&mut self, path: &JointPath, gripper: Gripper) -> StepResult {
+        self.step_recorded(path, gripper, |_| {})
+    }
+
+    /// As [`Self::step`], calling `record` after every control step and after the gripper's
     /// command.
     pub fn step_recorded(
         &mut self,
@@ -294,10 +322,7 @@ impl SimEnvironment {
 
     /// The arm moves to `config` within one control step.
     #[cfg(feature = "learn")]
-    pub(super) fn move_straight(
-        &mut self,
-        config: &crate::robot::JointConfig,
-    ) -> Result<(), InvalidAction> {
+    pub(super) fn move_straight(&mut self, config: &JointConfig) -> Result<(), InvalidAction> {
         let (start, steps) = (*self.world.config(), self.params.steps_per_control());
         (1..=steps).try_for_each(|i| self.world.step(&start.lerp(config, i as f32 / steps as f32)))
     }
@@ -325,7 +350,8 @@ impl SimEnvironment {
 fn settled(mut world: World) -> World {
     let config = *world.config();
     for _ in 0..SETTLE_STEPS {
-        // Nothing touches the arm in its start posture, so a reason to abort cannot arise.
+        // An arm that touches something has no reason not to be where it is: in its start posture
+        // nothing does, and elsewhere it was measured there.
         let _ = world.step(&config);
     }
     world
@@ -348,22 +374,12 @@ impl Environment for SimEnvironment {
         Ok(())
     }
 
-    fn observe(&mut self) -> Observation {
-        let views = self.cameras.clone().into_iter().map(|camera| self.view(camera)).collect();
-        let width = self.world.gripper_width();
-        let proprio = Proprio {
-            joints: *self.world.config(),
-            gripper_width: width,
-            gripper_open: Proprio::openness(width, self.robot.gripper.max_width),
-            finger_positions: [0.5 * width; 2],
-            grip: self.robot.grip(self.world.config()),
-            time: time_feature(self.step, EPISODE_LENGTH),
-        };
-        Observation { views, proprio }
+    fn observe(&mut self) -> Result<Observation> {
+        Ok(Self::observe(self))
     }
 
-    fn step(&mut self, path: &JointPath, gripper: Gripper) -> StepResult {
-        self.step_recorded(path, gripper, |_| {})
+    fn step(&mut self, path: &JointPath, gripper: Gripper) -> Result<StepResult> {
+        Ok(Self::step(self, path, gripper))
     }
 
     fn demonstrated_goal(&self) -> Option<NextBestPose> {

@@ -120,13 +120,7 @@ impl KeyframeSnapshot {
         let mut env = self.env.clone();
         let scene = env.obstacles(Some(&self.goal.pose));
         let start = *env.world().config();
-        answer(&PathQuery {
-            robot: env.robot(),
-            start,
-            goal: self.goal.pose,
-            scene: &scene,
-            policy_path: None,
-        })
+        answer(&PathQuery { robot: env.robot(), start, goal: self.goal.pose, scene: &scene })
     }
 
     fn execute(&self, candidate: &CandidatePath) -> Trial {

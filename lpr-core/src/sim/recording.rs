@@ -3,14 +3,13 @@
 
 use super::demonstrator::{Demonstration, demonstrate};
 use super::env::SimEnvironment;
-use crate::demo::{DemoFrame, DemoSettings, augment_demo};
+use crate::demo::{DemoEpisode, DemoFrame, DemoSettings, DemoStep, augment_demo};
 use crate::env::{EPISODE_LENGTH, Environment as _};
 use crate::path::JointPath;
 use crate::perception::Proprio;
 use crate::q_attention::NextBestPose;
 use crate::rng::{Stream, stream};
 use crate::robot::{DOF, Gripper, JointConfig};
-use crate::train::{DemoEpisode, DemoStep};
 
 /// The frames of a demonstration, one each control step.
 #[must_use]

@@ -1,36 +1,17 @@
 //! From the steps of an episode to rows of the replay.
 
-use super::log::{EpisodeLog, chosen_values, failure};
+use super::log::{EpisodeLog, chosen_values};
 use crate::agent::{Action, Agent, context};
+use crate::demo::{DemoEpisode, DemoStep};
 use crate::env::StepResult;
 use crate::error::{Error, Result};
 use crate::learner::{Learner, Row, Seen};
 use crate::path::JointPath;
-use crate::perception::Observation;
 use crate::q_attention::NextBestPose;
 use crate::ranker::RankedPath;
 use crate::replay::{Decision, Step, Transition};
 
 use std::sync::Arc;
-
-/// A demonstration from one of its frames on, as a chain of keyframes; demo augmentation makes
-/// several of one recording.
-#[derive(Debug, Clone, PartialEq)]
-pub struct DemoEpisode {
-    /// The keyframes that are reached one after the other; the last ends in success.
-    pub steps: Vec<DemoStep>,
-}
-
-/// The way to one keyframe of a demonstration.
-#[derive(Debug, Clone, PartialEq)]
-pub struct DemoStep {
-    /// What was seen at the start of the way, with the time feature of the step within the chain.
-    pub observation: Observation,
-    /// The keyframe: as the action codec can express it, if poses are learned.
-    pub goal: NextBestPose,
-    /// The recorded configurations up to the keyframe, in any number.
-    pub path: JointPath,
-}
 
 /// An episode that is under way.
 #[derive(Debug, Clone, PartialEq)]
@@ -61,12 +42,12 @@ pub(crate) enum Choice {
 }
 
 impl Choice {
-    fn new(action: &Action, observation: &Observation, seen: Seen) -> Self {
-        let step = |decision| Arc::new(Step { observation: seen, decision });
+    fn new(action: &Action) -> Self {
+        let step = |decision| Arc::new(Step { observation: action.seen.clone(), decision });
         if let Some(decision) = action.decision() {
             return Self::Path(step(decision));
         }
-        let start = observation.proprio.joints;
+        let start = action.proprio.joints;
         let path = JointPath::new(vec![start; 2]).expect("measured angles are finite");
         let taken = RankedPath { path, collides: false };
         Self::Nowhere(step(Decision { context: action.context, taken, source: None }))
@@ -100,20 +81,14 @@ impl Episode {
     }
 
     /// Adds a step and what came of it.
-    pub(super) fn push(
-        &mut self,
-        action: &Action,
-        observation: &Observation,
-        seen: Seen,
-        result: &StepResult,
-    ) {
-        let (choice, value) = (Choice::new(action, observation, seen), action.chosen_value());
+    pub(super) fn push(&mut self, action: &Action, result: &StepResult) {
+        let (choice, value) = (Choice::new(action), action.chosen_value());
         self.steps.push(Taken { choice, value, reward: result.reward });
     }
 
     /// Sets what would follow the last step.
-    pub(super) fn push_next(&mut self, action: &Action, observation: &Observation, seen: Seen) {
-        self.next = Some(Choice::new(action, observation, seen));
+    pub(super) fn push_next(&mut self, action: &Action) {
+        self.next = Some(Choice::new(action));
     }
 
     fn succeeded(&self) -> bool {
@@ -147,13 +122,12 @@ impl Episode {
     pub(super) fn log(&self, episode: u64, last: &StepResult, discount: f32) -> EpisodeLog {
         let values =
             chosen_values(self.steps.iter().map(|taken| (taken.value, taken.reward)), discount);
-        let success = self.succeeded();
         EpisodeLog {
             episode,
             scene_seed: self.scene_seed,
             steps: self.steps.len(),
-            success,
-            failure: (!success).then(|| failure(last)),
+            success: self.succeeded(),
+            failure: last.failure(),
             values,
         }
     }

@@ -107,15 +107,6 @@ pub(crate) fn chosen_values(
     values
 }
 
-/// Why an episode ended without success.
-pub(crate) fn failure(last: &StepResult) -> &'static str {
-    match last.invalid {
-        Some(invalid) => invalid.name(),
-        None if last.truncated => "timeout",
-        None => "not_done",
-    }
-}
-
 pub(super) fn write_action(action: &Action, result: &StepResult, metrics: &mut Metrics) {
     metrics.push("reward", result.reward);
     if let Some(attention) = &action.attention {

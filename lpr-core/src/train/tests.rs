@@ -1,5 +1,6 @@
 use super::*;
-use crate::env::EPISODE_LENGTH;
+use crate::env::{EPISODE_LENGTH, Fault, InvalidAction};
+use crate::error::Error;
 use crate::evaluate::{Evaluation, best_of_all, evaluate, measure_regret};
 use crate::learner::Row;
 use crate::path::JointPath;
@@ -162,13 +163,13 @@ impl Environment for Stuck {
         self.toy.reset(seed)
     }
 
-    fn observe(&mut self) -> Observation {
-        self.toy.observe()
+    fn observe(&mut self) -> Result<Observation> {
+        Ok(self.toy.observe())
     }
 
-    fn step(&mut self, path: &JointPath, gripper: Gripper) -> StepResult {
+    fn step(&mut self, path: &JointPath, gripper: Gripper) -> Result<StepResult> {
         self.n_goals -= 1;
-        self.toy.step(path, gripper)
+        Ok(self.toy.step(path, gripper))
     }
 
     fn demonstrated_goal(&self) -> Option<NextBestPose> {
@@ -240,4 +241,55 @@ fn what_a_step_reports_fits_together() {
             assert_eq!(last.realised, log.result.reward);
         }
     }
+}
+
+/// A toy whose camera is gone after a number of looks.
+#[derive(Debug, Clone)]
+struct Failing {
+    toy: Toy,
+    looks_left: usize,
+}
+
+impl Environment for Failing {
+    fn robot(&self) -> &'static Robot {
+        self.toy.robot()
+    }
+
+    fn reset(&mut self, seed: u64) -> Result<()> {
+        self.toy.reset(seed)
+    }
+
+    fn observe(&mut self) -> Result<Observation> {
+        let gone = || Fault::Camera { camera: "toy".to_owned(), reason: "unplugged".to_owned() };
+        self.looks_left = self.looks_left.checked_sub(1).ok_or_else(gone)?;
+        Ok(self.toy.observe())
+    }
+
+    fn step(&mut self, path: &JointPath, gripper: Gripper) -> Result<StepResult> {
+        Ok(self.toy.step(path, gripper))
+    }
+
+    fn demonstrated_goal(&self) -> Option<NextBestPose> {
+        self.toy.demonstrated_goal()
+    }
+}
+
+#[test]
+fn an_episode_whose_camera_is_gone_is_dropped_and_the_run_goes_on_with_the_next() {
+    let failing = |looks_left| Failing { toy: Toy::new(&PANDA), looks_left };
+    let mut trainer =
+        Trainer::new(config(), run(Method::Lpr, 1), failing(1)).expect("valid settings");
+    assert!(trainer.step().expect("the first look").episode.is_none(), "an episode has two steps");
+    assert!(matches!(trainer.step(), Err(Error::Fault(Fault::Camera { .. }))));
+    assert_eq!((trainer.learner.paths.added(), trainer.progress.episodes), (0, 0));
+    trainer.environment().looks_left = 100;
+    while trainer.step().expect("the camera is back").episode.is_none() {}
+    assert_eq!(trainer.progress.episodes, 1);
+    assert!(trainer.learner.paths.added() > 0);
+
+    let scenes = 1000..1003;
+    let whole = evaluate(trainer.agent(), &mut failing(100), scenes.clone(), |_| ());
+    assert!(whole.is_ok_and(|evaluation| evaluation.episodes == 3));
+    let cut = evaluate(trainer.agent(), &mut failing(3), scenes, |_| ());
+    assert!(matches!(cut, Err(Error::Fault(_))), "neither a success nor a failure of the agent");
 }

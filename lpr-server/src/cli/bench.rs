@@ -9,7 +9,7 @@ use super::{Failure, Result, default_preset};
 use core::fmt;
 use lpr_core::agent::{Agent, Init, Method, Networks, PoseSource};
 use lpr_core::config::Config;
-use lpr_core::env::Environment as _;
+
 use lpr_core::nn::Backend;
 use lpr_core::robot::XARM7;
 use lpr_core::sim::SimEnvironment;
@@ -116,8 +116,8 @@ fn environment(config: &Config) -> Result<SimEnvironment> {
 /// An untrained agent of the preset `fast`: what it costs does not depend on its weights.
 fn agent(config: &Config, poses: PoseSource) -> Result<Agent> {
     let init = Init { backend: Backend::Flex, seed: 0 };
-    let networks = Networks::new(config, &XARM7, Method::Lpr, poses, init)?;
-    Ok(Agent::new(config, &XARM7, Method::Lpr, networks))
+    let networks = Networks::new(config.network_settings(), &XARM7, Method::Lpr, poses, init)?;
+    Ok(Agent::new(config.agent_settings(), &XARM7, Method::Lpr, networks))
 }
 
 /// Algorithm 1 from the next-best pose to the path that runs: obstacles, 20 planner, 20 Bézier and
@@ -132,7 +132,7 @@ fn candidates() -> Result<Row> {
     Ok(measure("candidates_41", || {
         step += 1;
         let draws = Draws::greedy(lpr_core::path::CandidateStreams { seed: 0, step });
-        agent.act(&observation, Goal::from(goal), draws)
+        agent.act(Goal::given(observation.clone(), goal), draws)
     }))
 }
 

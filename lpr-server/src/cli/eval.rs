@@ -238,8 +238,9 @@ fn untrained(arguments: &Arguments) -> Result<Subject> {
         return Err(Failure::Usage(reason));
     }
     let init = Init { backend: Backend::Flex, seed: arguments.seed };
-    let networks = Networks::new(&config, robot, method, PoseSource::Oracle, init)?;
-    let agent = Agent::new(&config, robot, method, networks);
+    let networks =
+        Networks::new(config.network_settings(), robot, method, PoseSource::Oracle, init)?;
+    let agent = Agent::new(config.agent_settings(), robot, method, networks);
     Ok(Subject { agent, task, robot, cameras: default_cameras(), config, method: name })
 }
 

@@ -6,7 +6,7 @@ use core::fmt;
 use lpr_core::agent::{Agent, Draws, Goal};
 use lpr_core::checkpoint::{SavedAgent, load_agent};
 use lpr_core::config::Config;
-use lpr_core::env::Environment as _;
+
 use lpr_core::path::{CandidateSet, CandidateSettings, CandidateStreams, Source, TimingSettings};
 use lpr_core::perception::Camera;
 use lpr_core::robot::{JointConfig, Robot};
@@ -307,7 +307,8 @@ impl Proposer {
             return Ok((snapshot.candidates(&self.settings, streams), None));
         };
         let observation = snapshot.env.clone().observe();
-        let action = agent.act(&observation, Goal::from(snapshot.goal), Draws::greedy(streams))?;
+        let goal = Goal::given(observation, snapshot.goal);
+        let action = agent.act(goal, Draws::greedy(streams))?;
         Ok((action.set, action.values))
     }
 }

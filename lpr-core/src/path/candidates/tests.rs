@@ -30,7 +30,7 @@ fn goal(robot: &Robot, by: [f32; 3]) -> Pose3 {
 }
 
 fn query<'a>(robot: &'a Robot, scene: &'a Scene, goal: Pose3) -> PathQuery<'a> {
-    PathQuery { robot, start: robot.start, goal, scene, policy_path: None }
+    PathQuery { robot, start: robot.start, goal, scene }
 }
 
 /// A table and a post, as a camera's cloud.
@@ -242,11 +242,9 @@ fn the_policy_path_is_admitted_when_short_and_its_ends_are_moved() {
     let near_goal = robot.ik_nearest(&goal, &robot.start).unwrap();
     let with_policy = |configs: Vec<JointConfig>, settings: &CandidateSettings| {
         let proposal = JointPath(configs);
-        candidates(
-            &PathQuery { policy_path: Some(&proposal), ..query(&robot, &scene, goal) },
-            settings,
-            STREAMS,
-        )
+        let query = query(&robot, &scene, goal);
+        let paths = PathSampler::new(&query, settings, STREAMS);
+        paths.join(paths.planner_paths(), paths.bezier_paths(), Some(&proposal))
     };
     let mut slightly_off = near_goal;
     slightly_off[2] += 0.05;

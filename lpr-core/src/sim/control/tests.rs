@@ -1,5 +1,4 @@
 use super::*;
-use crate::env::Environment as _;
 use crate::path::JointPath;
 use crate::rng::{Rng, Stream, stream};
 use crate::robot::{DOF, PANDA, Robot, XARM7};

@@ -5,7 +5,7 @@ use super::{Row, agent, default_preset, environment, measure};
 use crate::cli::Result;
 use lpr_core::agent::PoseSource;
 use lpr_core::config::Config;
-use lpr_core::env::Environment as _;
+
 use lpr_core::nn::Backend;
 use lpr_core::path::JointPath;
 use lpr_core::policy::{Policy, PolicySample};

@@ -126,7 +126,7 @@ fn planner() -> Result<[Row; 2]> {
         planner_collision_free_fraction: 1.0,
         ..config.candidates
     };
-    let query = PathQuery { robot: env.robot(), start, goal, scene: &scene, policy_path: None };
+    let query = PathQuery { robot: env.robot(), start, goal, scene: &scene };
     let mut step = 0;
     let build = measure("obstacles_depth_image", || obstacle_scene(&look, &points));
     let plan = measure("planner20_depth_image", || {

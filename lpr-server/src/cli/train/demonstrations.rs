@@ -3,11 +3,12 @@
 use super::super::Result;
 use crate::files::{self, FileError};
 use crate::formats::{DEMO_VERSION, DemoFile, DemoSource};
+use lpr_core::demo::DemoEpisode;
 use lpr_core::demo::DemoSettings;
 use lpr_core::env::Environment as _;
 use lpr_core::sim::SimEnvironment;
 use lpr_core::sim::recording::{FollowedFrame, demo_episodes, follow, record_demo};
-use lpr_core::train::{DemoEpisode, Trainer, demonstration_scene};
+use lpr_core::train::{Trainer, demonstration_scene};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 

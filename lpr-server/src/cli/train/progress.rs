@@ -119,10 +119,12 @@ impl Meter {
 
 /// The networks with their sizes, and how fast they learn here once that is known.
 pub(super) fn networks_line(agent: &Agent, updates_per_second: Option<f64>) -> String {
-    let costs = agent.costs().into_iter().map(|(name, cost)| {
-        let (millions, giga) = (cost.parameters as f64 / 1e6, cost.flops as f64 / 1e9);
-        format!("{name} {millions:.3} M parameters, {giga:.4} GFLOP a forward")
-    });
+    let costs = agent.networks.costs(agent.candidate_settings().path_len).into_iter().map(
+        |(name, cost)| {
+            let (millions, giga) = (cost.parameters as f64 / 1e6, cost.flops as f64 / 1e9);
+            format!("{name} {millions:.3} M parameters, {giga:.4} GFLOP a forward")
+        },
+    );
     let rate =
         updates_per_second.map_or(String::new(), |rate| format!("; {rate:.2} updates per second"));
     format!("networks: {}{rate}", costs.collect::<Vec<_>>().join("; "))

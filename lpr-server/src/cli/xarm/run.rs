@@ -16,25 +16,19 @@ use clap::Args;
 use core::fmt;
 use core::net::IpAddr;
 use core::time::Duration;
-use lpr_core::agent::{Action, Agent, Draws, Goal};
+use lpr_core::agent::{Action, Draws, Eyes};
 use lpr_core::checkpoint::SavedAgent;
 use lpr_core::env::Environment as _;
 use lpr_core::path::CandidateStreams;
 use lpr_core::robot::{Gripper, JointConfig, XARM7};
 use lpr_core::sim::tasks::Task;
-use lpr_core::sim::{SimEnvironment, World};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 /// Longest wait for the controller, but for the replies to servo points.
 const TIMEOUT: Duration = Duration::from_secs(2);
 /// Acceleration along the path in joint space, rad/s².
 const ACCELERATION: f64 = 2.0;
-/// Physics steps for the scene to settle around the arm.
-const SETTLE_STEPS: usize = 10;
-/// Steps that an episode has taken when the agent acts.
-const FIRST_STEP: usize = 0;
 
 /// Options of `lpr xarm run`.
 #[derive(Debug, Args)]
@@ -140,8 +134,9 @@ pub(in super::super) fn run(arguments: &Arguments) -> Result<Report> {
         .map_err(|error| FileError::content(run, error.to_string()))?;
     let mut env = super::super::eval::simulator(task, &XARM7, &header.run.cameras, &header.config)?;
     env.reset(*seed)?;
-    let mut env = around(&env, measured)?;
-    let action = act(&agent, &mut env, *seed)?;
+    let mut env = env.around(measured)?;
+    let draws = Draws::greedy(CandidateStreams { seed: *seed, step: 0 });
+    let action = agent.decide(&mut env, Eyes::Open, draws)?;
     let candidate = action.path().ok_or_else(|| no_path(&action))?;
     let points = schedule(&candidate.path, &XARM7, &pace);
     // The arm may have moved while the agent thought.
@@ -200,33 +195,6 @@ fn load(run: &Path) -> Result<SavedAgent> {
         format!("is a run of robot `{robot}`, the arm is an {}", XARM7.name),
     )
     .into())
-}
-
-/// The scene of `env` with the arm at `config`.
-fn around(env: &SimEnvironment, config: JointConfig) -> Result<SimEnvironment> {
-    let world = env.world();
-    let mut world =
-        World::new(Arc::new(world.spec().clone()), world.robot(), config, world.params())?;
-    for _ in 0..SETTLE_STEPS {
-        // An arm that touches something of the simulated scene has no reason not to be where it is.
-        let _ = world.step(&config);
-    }
-    Ok(env.at(world, FIRST_STEP))
-}
-
-/// Algorithm 1, lines 6 to 12, once and greedily.
-fn act(agent: &Agent, env: &mut SimEnvironment, seed: u64) -> Result<Action> {
-    let observation = env.observe();
-    let learned = agent.attended(&observation).and_then(|seen| agent.goal(&seen));
-    let demonstrated = || env.demonstrated_goal().map(Goal::from);
-    let goal = learned
-        .or_else(demonstrated)
-        .ok_or_else(|| Failure::NoPath("there is no next-best pose".to_owned()))?;
-    Ok(agent.act(
-        &observation,
-        goal,
-        Draws::greedy(CandidateStreams { seed, step: FIRST_STEP as u64 }),
-    )?)
 }
 
 /// The reasons, each once.

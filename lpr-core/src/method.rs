@@ -1,4 +1,4 @@
-//! What an agent chooses among, and how.
+//! Words that say how an agent acts: its method, and the source of its poses.
 
 use crate::error::{Error, Result};
 
@@ -22,6 +22,16 @@ pub enum Method {
     ShortestFree,
     /// Any of the candidates.
     Random,
+}
+
+/// Where next-best poses come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PoseSource {
+    /// Coarse-to-fine Q-attention, as in the paper.
+    Learned,
+    /// The demonstrator (`--oracle-poses`): paths are learned alone, and Q-attention is not built.
+    Oracle,
 }
 
 impl Method {
