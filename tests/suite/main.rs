@@ -9,6 +9,7 @@ mod events;
 mod imports;
 mod interrupted;
 mod lpr;
+mod old_files;
 mod output;
 mod page;
 mod planner;
