@@ -73,11 +73,25 @@ fn assert_none(complaints: &[String]) {
     assert!(complaints.is_empty(), "{complaints:#?}");
 }
 
+/// How much of a command stands in a document.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Extent {
+    /// All of it, as it is typed.
+    Whole,
+    /// What a sentence is about; required arguments may be missing.
+    Mention,
+}
+
 /// The reason for which the command line refuses `arguments`, if it does.
-///
-/// With `--help` at the end, commands, options and values are read, and nothing runs; missing
-/// arguments are not noticed.
 fn refused_by_the_command_line(arguments: &[String]) -> Option<String> {
+    // To be replaced by `lpr_server::cli::check_command_line`, which also notices what is missing.
+    unknown_to_the_command_line(arguments)
+}
+
+/// The command, option or value that the command line does not know, if there is one.
+///
+/// With `--help` at the end, all of them are read and nothing runs.
+fn unknown_to_the_command_line(arguments: &[String]) -> Option<String> {
     let asks_for_help = arguments.first().is_some_and(|word| word == "help");
     let help = (!asks_for_help).then(|| "--help".to_owned());
     let arguments: Vec<_> = arguments.iter().cloned().chain(help).collect();
@@ -86,7 +100,7 @@ fn refused_by_the_command_line(arguments: &[String]) -> Option<String> {
 }
 
 /// The reason for which a command cannot be run, if there is one.
-fn fault(words: &[String]) -> Option<String> {
+fn fault(words: &[String], extent: Extent) -> Option<String> {
     let missing = |file: String| (!workspace().join(&file).exists()).then(|| format!("no {file}"));
     let words: Vec<_> = words.iter().map(String::as_str).collect();
     match words.as_slice() {
@@ -94,7 +108,10 @@ fn fault(words: &[String]) -> Option<String> {
         | ["cargo", "run", "--release", "--", arguments @ ..]
         | ["cargo", "run", "--release", "--locked", "--", arguments @ ..] => {
             let arguments: Vec<_> = arguments.iter().map(|&it| it.to_owned()).collect();
-            refused_by_the_command_line(&arguments)
+            match extent {
+                Extent::Whole => refused_by_the_command_line(&arguments),
+                Extent::Mention => unknown_to_the_command_line(&arguments),
+            }
         }
         ["cargo", "run", .., "--example", example] => {
             missing(format!("lpr-core/examples/{example}.rs"))
@@ -151,10 +168,12 @@ fn a_command_with_a_mistake_is_noticed() {
         ("cargo run -p lpr-core --example no_such", "no_such.rs"),
         ("wget x", "not a program"),
     ] {
-        let found = fault(&shell::words(line));
+        let found = fault(&shell::words(line), Extent::Whole);
         assert!(found.as_ref().is_some_and(|it| it.contains(complaint)), "{line}: {found:?}");
     }
-    assert_eq!(fault(&shell::words("curl -s 127.0.0.1:8080/v1/jobs/ID/metrics")), None);
+    let request = shell::words("curl -s 127.0.0.1:8080/v1/jobs/ID/metrics");
+    assert_eq!(fault(&request, Extent::Whole), None);
+    assert_eq!(fault(&shell::words("lpr train"), Extent::Mention), None);
 }
 
 #[test]
@@ -163,7 +182,7 @@ fn every_command_in_a_block_can_be_run() {
     for guide in guides() {
         for command in shell::commands(&markdown::fenced(&guide.text, "sh")) {
             complaints
-                .extend(fault(&command.words).map(|why| {
+                .extend(fault(&command.words, Extent::Whole).map(|why| {
                     format!("{}: {:?}: {why}", guide.at(command.number), command.words)
                 }));
         }
@@ -174,15 +193,18 @@ fn every_command_in_a_block_can_be_run() {
 #[test]
 fn every_command_within_a_sentence_can_be_run() {
     let mut complaints = Vec::new();
-    let of_history = |it: &Document| it.path.ends_with("CHANGELOG.md");
-    for document in documents().iter().filter(|it| !of_history(it)) {
+    // These two tell what was at a commit.
+    let is_history = |it: &Document| {
+        ["BENCHMARKS.md", "CHANGELOG.md"].iter().any(|path| it.path == Path::new(path))
+    };
+    for document in documents().iter().filter(|it| !is_history(it)) {
         for line in markdown::prose(&document.text) {
             let codes = markdown::inline_code(line.text).filter(|code| !code.contains('…'));
             for code in codes {
                 let words = with_values(code);
                 let is_command = matches!(words[..], [ref first, _, ..] if
                     first == "lpr" || first == "make" || code.starts_with("cargo run --release --"));
-                if let Some(why) = is_command.then(|| fault(&words)).flatten() {
+                if let Some(why) = is_command.then(|| fault(&words, Extent::Mention)).flatten() {
                     complaints.push(format!("{}: `{code}`: {why}", document.at(line.number)));
                 }
             }
@@ -319,15 +341,10 @@ fn a_path_may_be_given_from_the_one_before() {
 
 #[test]
 fn the_messages_in_headings_of_troubleshooting_are_the_programs_own() {
-    let is_source = |path: &PathBuf| {
-        path.extension().is_some_and(|it| ["rs", "sh", "ts"].iter().any(|known| it == *known))
-            && !path.starts_with("tests/suite")
-    };
-    let sources: Vec<_> = project_files()
-        .into_iter()
-        .filter(is_source)
-        .map(|path| Document::read(path).text)
-        .collect();
+    let mut files = project_files();
+    files.retain(|path| path.extension().is_none_or(|extension| extension != "md"));
+    let read = |path| std::fs::read_to_string(workspace().join(path)).ok();
+    let sources: Vec<_> = files.into_iter().filter_map(read).collect();
     let document = Document::read("docs/troubleshooting.md");
     let mut complaints = Vec::new();
     for line in markdown::prose(&document.text).iter().filter(|it| it.text.starts_with('#')) {
@@ -340,4 +357,21 @@ fn the_messages_in_headings_of_troubleshooting_are_the_programs_own() {
         }
     }
     assert_none(&complaints);
+}
+
+#[test]
+fn the_program_of_the_library_page_is_a_test_of_the_library() {
+    let page = Document::read("docs/library.md");
+    let program: String = markdown::fenced(&page.text, "rust")
+        .iter()
+        .map(|line| format!("//! {}\n", line.text))
+        .collect();
+    let program = program.replace("//! \n", "//!\n");
+    let module = Document::read("lpr-core/src/sim.rs");
+    assert!(
+        program.lines().count() > 5 && module.text.contains(&program),
+        "{}: expected the program at the top of {}",
+        page.path.display(),
+        module.path.display()
+    );
 }
