@@ -24,12 +24,14 @@ fi
 
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
-git ls-files -z | xargs -0 cp --parents -t "$scratch"
+checkout=$scratch/checkout
+mkdir "$checkout"
+git ls-files -z | xargs -0 cp --parents -t "$checkout"
 # Tests ask git which files are the project's.
-git -C "$scratch" init --quiet
+git -C "$checkout" init --quiet
 for built in target target-wasm; do
     mkdir -p "$built"
-    ln -s "$workspace/$built" "$scratch/$built"
+    ln -s "$workspace/$built" "$checkout/$built"
 done
 
 # What a reader does without being told: waits until a server listens, and fills in the id of the newest job.
@@ -77,5 +79,5 @@ touch "$scratch/seen"
 for document in "${documents[@]}"; do
     echo "== $document"
     { cat "$scratch/prelude.sh"; commands_of "$document" | runnable; } >"$scratch/commands.sh"
-    (cd "$scratch" && bash commands.sh) || { echo "error: a command of $document failed" >&2; exit 1; }
+    (cd "$checkout" && bash "$scratch/commands.sh") || { echo "error: a command of $document failed" >&2; exit 1; }
 done
