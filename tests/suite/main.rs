@@ -4,6 +4,7 @@ mod architecture;
 mod bad_input;
 mod checkpoints;
 mod dependencies;
+mod docs;
 mod evaluation;
 mod events;
 mod imports;
