@@ -1,8 +1,8 @@
 //! Our side of the connections: one owner of a socket of commands, and one reader of reports.
 
-use super::wire::{
-    Answer, Frame, FrameReader, Motion, PRIVATE_PROTOCOL, Reply, ReportKind, ReportReader, Request,
-    State, Status, WireError, register,
+use crate::wire::{
+    Answer, ArmReading, Frame, FrameReader, PRIVATE_PROTOCOL, Reply, ReportKind, ReportReader,
+    Request, State, Status, WireError, register,
 };
 use lpr_core::robot::JointConfig;
 use std::io::{self, Read as _, Write as _};
@@ -16,15 +16,15 @@ use thiserror::Error;
 /// How often the reader of reports looks whether it should end.
 const READ_TIMEOUT: Duration = Duration::from_millis(50);
 
-/// What went wrong with a connection; each message names what was attempted.
+/// Failure of a connection; each message begins with the attempt.
 #[derive(Debug, Error)]
 pub enum ClientError {
     /// Nobody listens there.
     #[error("cannot connect to the controller's {what} at {address}: {source}")]
     Connect {
-        /// Which port.
+        /// The port's purpose.
         what: &'static str,
-        /// Where.
+        /// Its address.
         address: SocketAddr,
         /// The operating system's reason.
         source: io::Error,
@@ -32,7 +32,7 @@ pub enum ClientError {
     /// Reading or writing failed.
     #[error("{what}: the connection failed: {source}")]
     Io {
-        /// What was asked.
+        /// The request.
         what: &'static str,
         /// The operating system's reason.
         source: io::Error,
@@ -40,13 +40,13 @@ pub enum ClientError {
     /// The controller closed the connection.
     #[error("{what}: the controller closed the connection")]
     Closed {
-        /// What was asked.
+        /// The request.
         what: &'static str,
     },
     /// No reply in time.
     #[error("{what}: no reply within {} ms", after.as_millis())]
     Timeout {
-        /// What was asked.
+        /// The request.
         what: &'static str,
         /// How long we waited.
         after: Duration,
@@ -54,15 +54,15 @@ pub enum ClientError {
     /// Bytes that are not what the protocol asks for.
     #[error("{what}: {source}")]
     Wire {
-        /// What was asked.
+        /// The request.
         what: &'static str,
-        /// What is wrong with them.
+        /// The fault in them.
         source: WireError,
     },
     /// The controller does not do that now.
     #[error("{what}: the controller refuses (status {:#04x})", status.0)]
     Refused {
-        /// What was asked.
+        /// The request.
         what: &'static str,
         /// The bits of its reply.
         status: Status,
@@ -70,9 +70,9 @@ pub enum ClientError {
     /// A reply of another kind than asked for.
     #[error("{what}: an answer of another kind: {answer}")]
     Answer {
-        /// What was asked.
+        /// The request.
         what: &'static str,
-        /// What came.
+        /// The answer.
         answer: String,
     },
 }
@@ -215,7 +215,7 @@ impl Client {
     }
 }
 
-/// Whether `frame` answers `asked`; late replies and feedback do not.
+/// True when `frame` answers `asked`; late replies and feedback do not.
 fn is_reply(frame: &Frame, asked: &Frame) -> bool {
     (frame.transaction, frame.protocol, frame.body.first())
         == (asked.transaction, asked.protocol, asked.body.first())
@@ -239,7 +239,7 @@ fn is_timeout(error: &io::Error) -> bool {
     )
 }
 
-/// What messages call a request.
+/// Name of a request in messages.
 const fn name(request: &Request) -> &'static str {
     match request.register() {
         register::GET_VERSION => "asking for the version",
@@ -257,8 +257,8 @@ const fn name(request: &Request) -> &'static str {
 /// The newest report, and when it came by our clock.
 #[derive(Debug, Clone, Copy)]
 pub struct Observed {
-    /// What it says.
-    pub motion: Motion,
+    /// Its content.
+    pub arm: ArmReading,
     /// When it came.
     pub at: Instant,
 }
@@ -306,11 +306,10 @@ impl Reports {
         &self,
         after: Instant,
         timeout: Duration,
-        wanted: impl Fn(&Motion) -> bool,
+        wanted: impl Fn(&ArmReading) -> bool,
     ) -> Option<Observed> {
-        let is_wanted = |newest: &Option<Observed>| {
-            newest.is_some_and(|it| it.at > after && wanted(&it.motion))
-        };
+        let is_wanted =
+            |newest: &Option<Observed>| newest.is_some_and(|it| it.at > after && wanted(&it.arm));
         let waited = self
             .shared
             .news
@@ -350,8 +349,7 @@ impl SharedReports {
             loop {
                 match reader.next_report() {
                     Ok(Some(report)) => {
-                        *self.newest() =
-                            report.motion().map(|motion| Observed { motion: *motion, at })
+                        *self.newest() = report.arm().map(|arm| Observed { arm: *arm, at })
                     }
                     Ok(None) => break,
                     Err(_) => return,

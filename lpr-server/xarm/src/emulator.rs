@@ -1,61 +1,25 @@
 //! An emulator of the controller that runs in real time and that the vendor's own SDK can drive.
 //!
-//! `controller` is a pure state machine; `server` gives it sockets and the time of day. The arm is
-//! the one of `lpr-core`, moves exactly as it is told, and nothing is in its way.
+//! `controller` is a pure state machine; `server` gives it sockets and the time of day. Both know
+//! the arm only through a [`World`]: the [`KinematicWorld`] moves exactly as it is told, and
+//! nothing is in its way.
 
 mod controller;
 mod fault;
 mod gripper;
 mod listen;
 mod motion;
+mod received;
 mod server;
+mod settings;
 mod socket;
 #[cfg(test)]
 mod tests;
+mod world;
 
 pub use fault::{Fault, FaultKind};
-pub use listen::{Channel, EmulatorError};
-pub use server::{Emulator, Received};
-
-use lpr_core::robot::{JointConfig, XARM7};
-use std::net::{IpAddr, Ipv4Addr};
-use std::path::PathBuf;
-use std::sync::mpsc::Sender;
-
-/// How an emulator is set up.
-#[derive(Debug, Clone)]
-pub struct EmulatorSettings {
-    /// Address that it listens on.
-    pub bind: IpAddr,
-    /// Port of commands; the next one up is the second port of commands. 0 takes two free ones.
-    pub command_port: u16,
-    /// Ports of fast, normal, rich and real-time reports; 0 takes a free one.
-    pub report_ports: [u16; 4],
-    /// Directory for Unix sockets beside the ports, with the names that the vendor's SDK looks for.
-    pub uds: Option<PathBuf>,
-    /// Version of the firmware that it claims to be.
-    pub firmware: String,
-    /// Where the arm is at first.
-    pub start: JointConfig,
-    /// What goes wrong on purpose.
-    pub fault: Option<Fault>,
-    /// Hears of every frame that is received.
-    pub received: Option<Sender<Received>>,
-}
-
-impl EmulatorSettings {
-    /// On free ports of the loopback interface, with the arm at its start.
-    #[must_use]
-    pub fn on_free_ports() -> Self {
-        Self {
-            bind: Ipv4Addr::LOCALHOST.into(),
-            command_port: 0,
-            report_ports: [0; 4],
-            uds: None,
-            firmware: "2.5.0".to_owned(),
-            start: XARM7.start,
-            fault: None,
-            received: None,
-        }
-    }
-}
+pub use listen::EmulatorError;
+pub use received::{Channel, Received};
+pub use server::Emulator;
+pub use settings::EmulatorSettings;
+pub use world::{Fingers, KinematicWorld, Setpoint, World};

@@ -5,16 +5,21 @@
 //! sent, and the arm is told to stop on a connection of its own, opened before. That is no
 //! safety-rated stop.
 
-use super::Ports;
-use super::client::{Client, ClientError, Observed, Reports};
-use super::safety::{CheckedPath, START_TOLERANCE, SafetyError, check_start};
-use super::wire::{Axis, Mode, Motion, Pace, Power, Reply, Request, State, StateCommand, Status};
+mod failure;
+
+pub use failure::{Cause, ExecutionError, StopOutcome};
+
+use crate::Ports;
+use crate::client::{Client, ClientError, Observed, Reports};
+use crate::safety::{CheckedPath, START_TOLERANCE, check_start};
+use crate::wire::{
+    ArmReading, Axis, Mode, Pace, Power, Reply, Request, State, StateCommand, Status,
+};
 use lpr_core::robot::JointConfig;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
-use thiserror::Error;
 
 /// Longest wait for the arm to do what a command asks before the stream.
 const PREPARE_TIMEOUT: Duration = Duration::from_secs(2);
@@ -67,103 +72,6 @@ pub struct Execution {
     pub max_reply: Duration,
     /// Where the arm is in the end.
     pub arrived_at: JointConfig,
-}
-
-/// Why an execution was given up.
-#[derive(Debug, Error)]
-pub enum Cause {
-    /// The connection or a reply.
-    #[error(transparent)]
-    Client(#[from] ClientError),
-    /// The arm is not where the path starts.
-    #[error(transparent)]
-    Safety(#[from] SafetyError),
-    /// The controller has an error; it is not forgotten without being told to.
-    #[error("the controller has error {0}: clear it where the arm can be seen")]
-    ControllerError(u8),
-    /// Someone else moves the arm, or has paused it.
-    #[error("the arm is in the middle of a motion: someone else uses it")]
-    Busy,
-    /// The controller takes no points in that state.
-    #[error("a servo point was refused (status {:#04x})", .0.0)]
-    PointRefused(Status),
-    /// The controller did not come to the state asked for.
-    #[error("the controller did not become ready: it is in {state:?}, mode {}", mode.0)]
-    NotReady {
-        /// Its state.
-        state: State,
-        /// Its mode.
-        mode: Mode,
-    },
-    /// Someone else stopped, paused or reconfigured the controller.
-    #[error("someone else changed the controller: it is in {state:?}, mode {}", mode.0)]
-    TakenOver {
-        /// Its state.
-        state: State,
-        /// Its mode.
-        mode: Mode,
-    },
-    /// No report, or an old one.
-    #[error("no report for {} ms", age.as_millis())]
-    ReportStalled {
-        /// Age of the newest.
-        age: Duration,
-    },
-    /// The arm does not follow.
-    #[error("joint {joint} is {error:.3} rad from the point that was sent")]
-    Tracking {
-        /// Joint, from 1.
-        joint: usize,
-        /// Radians.
-        error: f32,
-    },
-    /// The arm did not come to the end of the path.
-    #[error("joint {joint} stayed {error:.5} rad from the end of the path")]
-    NotArrived {
-        /// Joint, from 1.
-        joint: usize,
-        /// Radians.
-        error: f32,
-    },
-    /// The user.
-    #[error("interrupted")]
-    Interrupted,
-}
-
-/// An execution that was given up.
-#[derive(Debug, Error)]
-#[error("{cause}; after {points_sent} of {n_points} points {stop}")]
-pub struct ExecutionError {
-    /// Why.
-    #[source]
-    pub cause: Cause,
-    /// Points that were sent before.
-    pub points_sent: usize,
-    /// Points of the path.
-    pub n_points: usize,
-    /// What became of stopping.
-    pub stop: StopOutcome,
-}
-
-/// What became of telling the arm to stop.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum StopOutcome {
-    /// The controller says so.
-    Acknowledged,
-    /// Nobody answered.
-    Unanswered,
-    /// Nothing had been enabled.
-    Unneeded,
-}
-
-impl core::fmt::Display for StopOutcome {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.write_str(match self {
-            Self::Acknowledged => "the arm was told to stop",
-            Self::Unanswered => "nobody answered the command to stop: use the emergency button",
-            Self::Unneeded => "nothing had been enabled",
-        })
-    }
 }
 
 impl Link {
@@ -318,12 +226,12 @@ impl<'a> Stream<'a> {
         commands.command(&Request::SetMode(mode, Some(0)))?;
         commands.command(&Request::SetState(StateCommand::Run))?;
         let asked = Instant::now();
-        let is_ready = |motion: &Motion| motion.state == State::Ready && motion.mode == mode;
+        let is_ready = |arm: &ArmReading| arm.state == State::Ready && arm.mode == mode;
         if self.link.reports.wait(asked, PREPARE_TIMEOUT, is_ready).is_some() {
             return Ok(());
         }
         match self.link.reports.newest() {
-            Some(Observed { motion: Motion { state, mode, .. }, at }) if at > asked => {
+            Some(Observed { arm: ArmReading { state, mode, .. }, at }) if at > asked => {
                 Err(Cause::NotReady { state, mode })
             }
             newest => Err(Cause::ReportStalled {
@@ -356,11 +264,11 @@ impl<'a> Stream<'a> {
         }
         let newest = self.link.reports.newest();
         let age = newest.map_or(Duration::MAX, |newest| newest.at.elapsed());
-        let Some(Observed { motion, .. }) = newest.filter(|_| age <= self.watchdogs.report_timeout)
+        let Some(Observed { arm, .. }) = newest.filter(|_| age <= self.watchdogs.report_timeout)
         else {
             return Err(Cause::ReportStalled { age });
         };
-        let Motion { state, mode, joints, .. } = motion;
+        let ArmReading { state, mode, joints, .. } = arm;
         if !matches!(state, State::Moving | State::Ready) || mode != Mode::SERVO {
             return Err(self.stopped_by(state, mode));
         }
@@ -372,7 +280,7 @@ impl<'a> Stream<'a> {
         Ok(())
     }
 
-    /// Whether the controller stopped with an error, or someone stopped it.
+    /// The cause of a stop: an error of the controller, or someone else.
     fn stopped_by(&mut self, state: State, mode: Mode) -> Cause {
         match self.link.commands.codes() {
             Ok((error, _)) if error != 0 => Cause::ControllerError(error),
@@ -405,9 +313,9 @@ impl<'a> Stream<'a> {
             self.watch(&goal)?;
             let seen = Instant::now();
             let wait = self.watchdogs.report_timeout.min(deadline.saturating_duration_since(seen));
-            let arrived = |motion: &Motion| farthest(&motion.joints, &goal).1 <= ARRIVED;
+            let arrived = |arm: &ArmReading| farthest(&arm.joints, &goal).1 <= ARRIVED;
             if let Some(observed) = self.link.reports.wait(seen, wait, arrived) {
-                self.execution.arrived_at = observed.motion.joints;
+                self.execution.arrived_at = observed.arm.joints;
                 return Ok(());
             }
             if Instant::now() >= deadline {

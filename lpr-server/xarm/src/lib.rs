@@ -1,46 +1,46 @@
-//! The UFACTORY xArm7: its wire protocol, a bridge that moves it, and an emulator of its
-//! controller.
+//! A UFACTORY xArm7: everything between a path and the arm that drives it.
 //!
-//! [`wire`] is the only place with millimetres, degrees and byte layouts; both sides use it, and it
-//! has no socket. [`client`] talks to a controller, [`schedule`] times a path for a real arm,
-//! [`safety`] checks the whole timed path before the first frame, and [`executor`] streams it.
-//! [`emulator`] is the controller on the loopback interface, for tests and for the vendor's own
-//! SDK.
+//! Who audits what moves hardware reads and builds this crate alone: on top of the planning half of
+//! [`lpr_core`] it has threads and sockets of the standard library, and neither networks, simulator,
+//! web server nor async runtime.
 //!
+//! A path becomes motion in one way only: [`schedule`] gives it times, [`safety::check_path`] makes
+//! the only value that [`executor::Link::execute`] takes, and whatever goes wrong while that is sent
+//! stops the arm for good. Nothing else in this crate sends a frame that enables or moves anything.
 //! Stopping the arm by a command is no safety-rated stop: the emergency button is.
+//!
+//! # Modules, in reading order
+//!
+//! 1. [`wire`]: frames, requests, replies and reports as bytes, both directions; the only place with
+//!    millimetres, and it has no socket.
+//! 2. [`client`]: one owner of a socket for commands, one reader of reports.
+//! 3. [`schedule`]: a time for every point of a path, slow at its corners.
+//! 4. [`safety`]: the rules that a whole timed path keeps before the first frame is sent.
+//! 5. [`executor`]: the stream of points, and the watch on the arm while it runs.
+//! 6. [`emulator`]: a controller in real time, for tests and for the vendor's own SDK; its
+//!    [`World`](emulator::World) says how arm and fingers answer.
+//! 7. [`point_to_point`](mod@point_to_point): motions of the fastest kind between two states, for
+//!    motions that a controller queues.
+//!
+//! # Building it alone
+//!
+//! ```sh
+//! cargo build --locked -p lpr-xarm
+//! cargo test --locked -p lpr-xarm
+//! cargo tree --locked -p lpr-xarm --edges normal,build
+//! ```
+//!
+//! # Units
+//!
+//! Metres, radians, seconds; the world is the base of the arm, z up.
 
 pub mod client;
 pub mod emulator;
 pub mod executor;
+pub mod point_to_point;
+mod ports;
 pub mod safety;
 pub mod schedule;
 pub mod wire;
 
-/// The ports of a controller, or of an emulator.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Ports {
-    /// Commands: [`wire::COMMAND_PORT`] on a controller.
-    pub command: u16,
-    /// The second port of commands: [`wire::STOP_PORT`] on a controller.
-    pub stop: u16,
-    /// Fast reports: [`wire::FAST_PORT`] on a controller.
-    pub fast: u16,
-    /// Normal reports: [`wire::NORMAL_PORT`] on a controller.
-    pub normal: u16,
-    /// Rich reports: [`wire::RICH_PORT`] on a controller.
-    pub rich: u16,
-    /// Real-time reports: [`wire::REALTIME_PORT`] on a controller.
-    pub realtime: u16,
-}
-
-impl Ports {
-    /// Those of a controller.
-    pub const CONTROLLER: Self = Self {
-        command: wire::COMMAND_PORT,
-        stop: wire::STOP_PORT,
-        fast: wire::FAST_PORT,
-        normal: wire::NORMAL_PORT,
-        rich: wire::RICH_PORT,
-        realtime: wire::REALTIME_PORT,
-    };
-}
+pub use ports::Ports;

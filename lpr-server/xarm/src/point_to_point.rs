@@ -5,10 +5,9 @@
 //! Cube roots, cosines and arc cosines of the solver are those of the platform wherever another
 //! crate asks `num-traits` for `std`; natively and in wasm the last bits may differ.
 
-use super::trajectory::{Motion, Trajectory};
-use super::{JointState, MotionLimits};
-use crate::error::Error;
-use crate::robot::{DOF, JointConfig};
+use lpr_core::Error;
+use lpr_core::path::{JointState, MotionLimits};
+use lpr_core::robot::{DOF, JointConfig};
 use rsruckig::prelude::{
     DataArrayOrVec, InputParameter, RuckigError, RuckigResult, ThrowErrorHandler,
 };
@@ -21,8 +20,9 @@ const MAX_DURATION: f64 = 7.6e3;
 /// Why there is no motion from point to point.
 ///
 /// ```
-/// use lpr_core::path::{JointState, MotionLimits, NoMotion, point_to_point};
+/// use lpr_core::path::{JointState, MotionLimits};
 /// use lpr_core::robot::JointConfig;
+/// use lpr_xarm::point_to_point::{NoMotion, point_to_point};
 ///
 /// let rest = JointState::at_rest(&JointConfig([0.0; 7]));
 /// let motion = |goal: f32, velocity: f64| {
@@ -49,20 +49,49 @@ pub enum NoMotion {
     NotSynchronized,
 }
 
-/// The solver's profiles.
+/// A motion from a state to rest.
+///
+/// What a controller at 100 Hz does:
+///
+/// ```
+/// use lpr_core::path::{JointState, MotionLimits};
+/// use lpr_core::robot::JointConfig;
+/// use lpr_xarm::point_to_point::point_to_point;
+///
+/// let (start, goal) = (JointConfig([0.0; 7]), JointConfig([0.3; 7]));
+/// let limits = MotionLimits { velocity: [1.0; 7], acceleration: [4.0; 7], jerk: Some([40.0; 7]) };
+/// let motion = point_to_point(&JointState::at_rest(&start), &goal, &limits)?;
+/// let n_ticks = (motion.duration_secs() / 0.01).ceil() as u32;
+/// let done: Vec<_> = (0..=n_ticks).map(|tick| motion.at(f64::from(tick) * 0.01)).collect();
+/// assert_eq!(done[0], JointState::at_rest(&start));
+/// assert_eq!(done[n_ticks as usize], JointState::at_rest(&goal), "at the end it stays");
+/// # Ok::<(), lpr_xarm::point_to_point::NoMotion>(())
+/// ```
 #[derive(Debug, Clone)]
-pub(super) enum Ruckig {
+pub struct PointToPoint {
+    start: JointState,
+    /// Radians.
+    goal: [f64; DOF],
+    /// Seconds.
+    duration: f64,
+    /// None where nothing moves.
+    course: Option<Course>,
+}
+
+/// The way between start and goal, in the solver's profiles.
+#[derive(Debug, Clone)]
+enum Course {
     /// One, of the length along a straight line.
     Line {
         /// Where the line starts, rad.
         start: [f64; DOF],
-        /// What every joint moves per unit of the length.
+        /// Way of every joint per unit of the length.
         direction: [f64; DOF],
         /// Of the length, rad.
-        profile: Profiles<1>,
+        profile: Box<Profiles<1>>,
     },
     /// One of every joint.
-    Joints(Profiles<DOF>),
+    Joints(Box<Profiles<DOF>>),
 }
 
 type Profiles<const N: usize> = rsruckig::prelude::Trajectory<N>;
@@ -74,8 +103,9 @@ type Profiles<const N: usize> = rsruckig::prelude::Trajectory<N>;
 /// start that is faster than its limits brakes first. Without a jerk limit accelerations jump.
 ///
 /// ```
-/// use lpr_core::path::{JointState, MotionLimits, NoMotion, point_to_point};
+/// use lpr_core::path::{JointState, MotionLimits};
 /// use lpr_core::robot::JointConfig;
+/// use lpr_xarm::point_to_point::{NoMotion, point_to_point};
 ///
 /// let (start, goal) = (JointConfig([0.0; 7]), JointConfig([1.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0]));
 /// let limits = MotionLimits { velocity: [1.0; 7], acceleration: [4.0; 7], jerk: None };
@@ -95,16 +125,40 @@ pub fn point_to_point(
     start: &JointState,
     goal: &JointConfig,
     limits: &MotionLimits,
-) -> Result<Trajectory, NoMotion> {
+) -> Result<PointToPoint, NoMotion> {
     limits.check()?;
     check_finite(start, goal)?;
     let angles = goal.0.map(f64::from);
-    let (duration, motion) = if *start == JointState::standing(start.angles) {
+    let (duration, course) = if *start == standing(start.angles) {
         line(start.angles, angles, limits)?
     } else {
         joints(start, angles, limits)?
     };
-    Ok(Trajectory::new(*start, angles, duration, motion)?)
+    Ok(PointToPoint { start: *start, goal: angles, duration, course })
+}
+
+impl PointToPoint {
+    /// Time from start to goal, seconds.
+    #[must_use]
+    pub const fn duration_secs(&self) -> f64 {
+        self.duration
+    }
+
+    /// The state at `t_secs`: that of the start before 0, at rest at the goal from the end on.
+    #[must_use]
+    pub fn at(&self, t_secs: f64) -> JointState {
+        if t_secs >= self.duration {
+            return standing(self.goal);
+        }
+        match &self.course {
+            Some(course) if t_secs > 0.0 => course.at(t_secs),
+            _ => self.start,
+        }
+    }
+}
+
+const fn standing(angles: [f64; DOF]) -> JointState {
+    JointState { angles, velocities: [0.0; DOF], accelerations: [0.0; DOF] }
 }
 
 /// The straight line: the solver moves the joint with the longest way, and the others keep their
@@ -113,11 +167,11 @@ fn line(
     start: [f64; DOF],
     goal: [f64; DOF],
     limits: &MotionLimits,
-) -> Result<(f64, Motion), NoMotion> {
+) -> Result<(f64, Option<Course>), NoMotion> {
     let ways: [f64; DOF] = core::array::from_fn(|j| goal[j] - start[j]);
     let length = ways.iter().fold(0.0_f64, |longest, way| longest.max(way.abs()));
     if length == 0.0 {
-        return Ok((0.0, Motion::Rest));
+        return Ok((0.0, None));
     }
     let direction = ways.map(|way| way / length);
     let tightest = |limits: &[f64; DOF]| {
@@ -133,11 +187,8 @@ fn line(
     input.max_acceleration = DataArrayOrVec::Stack(tightest(&limits.acceleration));
     input.max_jerk =
         DataArrayOrVec::Stack(limits.jerk.map_or([f64::INFINITY], |jerk| tightest(&jerk)));
-    let profile = solve(&input)?;
-    Ok((
-        profile.get_duration(),
-        Motion::PointToPoint(Box::new(Ruckig::Line { start, direction, profile })),
-    ))
+    let profile = Box::new(solve(&input)?);
+    Ok((profile.get_duration(), Some(Course::Line { start, direction, profile })))
 }
 
 /// Every joint for itself, slowed to arrive with the last.
@@ -145,7 +196,7 @@ fn joints(
     start: &JointState,
     goal: [f64; DOF],
     limits: &MotionLimits,
-) -> Result<(f64, Motion), NoMotion> {
+) -> Result<(f64, Option<Course>), NoMotion> {
     let mut input = InputParameter::new(None);
     input.current_position = DataArrayOrVec::Stack(start.angles);
     input.current_velocity = DataArrayOrVec::Stack(start.velocities);
@@ -154,8 +205,8 @@ fn joints(
     input.max_velocity = DataArrayOrVec::Stack(limits.velocity);
     input.max_acceleration = DataArrayOrVec::Stack(limits.acceleration);
     input.max_jerk = DataArrayOrVec::Stack(limits.jerk.unwrap_or([f64::INFINITY; DOF]));
-    let profiles = solve(&input)?;
-    Ok((profiles.get_duration(), Motion::PointToPoint(Box::new(Ruckig::Joints(profiles)))))
+    let profiles = Box::new(solve(&input)?);
+    Ok((profiles.get_duration(), Some(Course::Joints(profiles))))
 }
 
 fn solve<const N: usize>(input: &InputParameter<N>) -> Result<Profiles<N>, NoMotion> {
@@ -174,9 +225,9 @@ fn solve<const N: usize>(input: &InputParameter<N>) -> Result<Profiles<N>, NoMot
     }
 }
 
-impl Ruckig {
+impl Course {
     /// The state at `t_secs`, within the duration.
-    pub(super) fn at(&self, t_secs: f64) -> JointState {
+    fn at(&self, t_secs: f64) -> JointState {
         match self {
             Self::Joints(profiles) => {
                 let [angles, velocities, accelerations] = state(profiles, t_secs);
@@ -268,7 +319,10 @@ mod tests {
         }
     }
 
-    fn assert_within(trajectory: &Trajectory, limits: &MotionLimits) -> Result<(), TestCaseError> {
+    fn assert_within(
+        trajectory: &PointToPoint,
+        limits: &MotionLimits,
+    ) -> Result<(), TestCaseError> {
         let step = trajectory.duration_secs() / 500.0;
         for i in 1..500_u16 {
             let t = f64::from(i) * step;
@@ -322,9 +376,9 @@ mod tests {
         ) {
             let [velocity, acceleration, jerk] = exponents.map(|exponent| [libm::pow(10.0, f64::from(exponent)); DOF]);
             let limits = MotionLimits { velocity, acceleration, jerk: Some(jerk) };
-            let start = JointState { velocities, ..JointState::standing(start) };
+            let start = JointState { velocities, ..standing(start) };
             for goal in [JointConfig(goal), JointConfig([0.5; DOF])] {
-                for start in [start, JointState { velocities, ..JointState::standing([0.0; DOF]) }] {
+                for start in [start, JointState { velocities, ..standing([0.0; DOF]) }] {
                     if let Ok(trajectory) = point_to_point(&start, &goal, &limits) {
                         prop_assert!(trajectory.at(0.5 * trajectory.duration_secs()).is_finite());
                     }
@@ -362,7 +416,7 @@ mod tests {
         let rest = JointState::at_rest(&JointConfig([0.3; DOF]));
         let goal = JointConfig([0.1; DOF]);
         let is_input =
-            |found: Result<Trajectory, NoMotion>| matches!(found, Err(NoMotion::Input(_)));
+            |found: Result<PointToPoint, NoMotion>| matches!(found, Err(NoMotion::Input(_)));
         for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             assert!(is_input(point_to_point(
                 &rest,

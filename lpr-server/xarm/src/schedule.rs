@@ -201,7 +201,7 @@ impl Profile {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::xarm::safety::{SafetyLimits, check_path};
+    use crate::safety::{SafetyLimits, check_path};
     use lpr_core::path::{TimedPath, TimingSettings};
     use lpr_core::robot::XARM7;
     use proptest::prelude::*;

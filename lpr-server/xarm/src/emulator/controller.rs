@@ -15,8 +15,10 @@ mod reporting;
 
 use super::gripper::Gripper;
 use super::motion::{Addressed, Origin, Queue};
-use crate::xarm::wire::{
-    Answer, Axis, Mode, Power, Reply, Request, State, StateCommand, Status, TcpPose, register,
+use super::world::{Setpoint, World};
+use crate::wire::{
+    Answer, Axis, Feedback, Mode, Power, Reply, Request, State, StateCommand, Status, TcpPose,
+    register,
 };
 use lpr_core::glamx::{DPose3, Pose3};
 use lpr_core::robot::{DOF, JointConfig, XARM7};
@@ -60,13 +62,16 @@ const ACKNOWLEDGED: [u8; 22] = [
     146,
 ];
 
-/// The controller and its arm.
+/// The controller, and the world of its arm.
 #[derive(Debug)]
 pub(super) struct Controller {
     firmware: String,
     /// Seconds since it was switched on.
     time: f64,
-    joints: JointConfig,
+    world: Box<dyn World>,
+    /// Where the joints should be now.
+    setpoint: JointConfig,
+    /// Measured, rad/s.
     speeds: [f32; DOF],
     state: State,
     mode: Mode,
@@ -85,12 +90,13 @@ pub(super) struct Controller {
 }
 
 impl Controller {
-    /// Switched on and stopped, with the arm at `start`.
-    pub(super) fn new(firmware: &str, start: JointConfig) -> Self {
+    /// Switched on and stopped.
+    pub(super) fn new(firmware: &str, world: Box<dyn World>) -> Self {
         Self {
             firmware: firmware.to_owned(),
             time: 0.0,
-            joints: start,
+            setpoint: world.joints(),
+            world,
             speeds: [0.0; DOF],
             state: State::Stopped,
             mode: Mode::POSITION,
@@ -112,8 +118,7 @@ impl Controller {
     /// Lets `dt_secs` pass.
     pub(super) fn advance(&mut self, dt_secs: f64) {
         self.time += dt_secs;
-        self.gripper.advance(dt_secs);
-        let before = self.joints;
+        let before = self.world.joints();
         if matches!(self.state, State::Moving | State::Ready) {
             if self.mode == Mode::SERVO {
                 self.follow_servo(dt_secs)
@@ -121,9 +126,12 @@ impl Controller {
                 self.follow_queue(dt_secs)
             }
         }
+        let setpoint = Setpoint { joints: self.setpoint, fingers: self.gripper.fingers() };
+        self.world.advance(dt_secs, &setpoint);
         if dt_secs > 0.0 {
+            let after = self.world.joints();
             self.speeds = core::array::from_fn(|j| {
-                ((f64::from(self.joints[j]) - f64::from(before[j])) / dt_secs) as f32
+                ((f64::from(after[j]) - f64::from(before[j])) / dt_secs) as f32
             });
         }
     }
@@ -131,7 +139,7 @@ impl Controller {
     fn follow_servo(&mut self, dt_secs: f64) {
         let Some(target) = self.servo_target else { return };
         let most = (SERVO_SPEED * dt_secs) as f32;
-        for (joint, target) in self.joints.iter_mut().zip(target.iter()) {
+        for (joint, target) in self.setpoint.iter_mut().zip(target.iter()) {
             // Exactly there, not there but for rounding.
             *joint = if (target - *joint).abs() <= most {
                 *target
@@ -139,24 +147,22 @@ impl Controller {
                 *joint + (target - *joint).clamp(-most, most)
             };
         }
-        self.state = if self.joints == target { State::Ready } else { State::Moving };
+        self.state = if self.setpoint == target { State::Ready } else { State::Moving };
     }
 
     fn follow_queue(&mut self, dt_secs: f64) {
         if let Some(at) = self.queue.advance(dt_secs, &mut self.told) {
-            self.joints = at;
+            self.setpoint = at;
         }
         self.state = if self.queue.len() == 0 { State::Ready } else { State::Moving };
     }
 
-    /// What to tell whom since the last call.
+    /// Feedback since the last call, and who gets it.
     pub(super) fn take_told(&mut self) -> Vec<Addressed> {
         let micros = self.micros();
         let told = core::mem::take(&mut self.told);
         told.into_iter()
-            .map(|(connection, feedback)| {
-                (connection, crate::xarm::wire::Feedback { micros, ..feedback })
-            })
+            .map(|(connection, feedback)| (connection, Feedback { micros, ..feedback }))
             .collect()
     }
 
@@ -209,7 +215,7 @@ impl Controller {
             Request::GetIk(pose) => self.ik(*pose)?,
             Request::IsJointLimit(joints) => Answer::Flag(u8::from(!XARM7.within_limits(joints))),
             Request::Rs485(rtu) => {
-                let answer = self.gripper.answer(rtu)?;
+                let answer = self.gripper.answer(rtu, self.world.fingers())?;
                 Answer::Rs485(answer)
             }
             Request::ReadTool { address, .. } => {
@@ -309,6 +315,8 @@ impl Controller {
     fn stop(&mut self, state: State) {
         self.queue.discard(&mut self.told);
         self.servo_target = None;
+        // The next motion begins where the arm is, which may not be where it should have been.
+        self.setpoint = self.world.joints();
         self.speeds = [0.0; DOF];
         self.state = state;
     }
@@ -337,12 +345,12 @@ impl Controller {
 
     /// Positions, then velocities, then torques.
     fn joint_groups(&self, n: u8) -> Option<Answer> {
-        let groups = [self.joints.0, self.speeds, [0.0; DOF]];
+        let groups = [self.world.joints().0, self.speeds, [0.0; DOF]];
         Some(Answer::Joints(groups.get(..usize::from(n & 0x0f))?.to_vec()))
     }
 
     fn tcp(&self) -> TcpPose {
-        self.tcp_at(&self.joints)
+        self.tcp_at(&self.world.joints())
     }
 
     fn tcp_at(&self, joints: &JointConfig) -> TcpPose {
@@ -355,7 +363,7 @@ impl Controller {
 
     fn ik(&self, tcp: TcpPose) -> Option<Answer> {
         let world_from_grip = self.flange_of(tcp) * XARM7.flange_from_grip;
-        let config = XARM7.ik_nearest(&Pose3::from(world_from_grip), &self.joints)?;
+        let config = XARM7.ik_nearest(&Pose3::from(world_from_grip), &self.world.joints())?;
         Some(Answer::Joints(vec![config.0]))
     }
 }

@@ -1,4 +1,4 @@
-//! What goes wrong on purpose, to see what clients do.
+//! Faults on purpose, to see how clients take them.
 
 use core::fmt;
 use core::str::FromStr;
@@ -6,13 +6,13 @@ use core::str::FromStr;
 /// A fault that begins after a number of servo points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Fault {
-    /// What goes wrong.
+    /// Its kind.
     pub kind: FaultKind,
     /// Servo points that are received before.
     pub after_points: u64,
 }
 
-/// What goes wrong.
+/// Kind of a fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum FaultKind {
     /// The first port of commands answers nothing any more.

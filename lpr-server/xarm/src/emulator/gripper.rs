@@ -1,11 +1,13 @@
-//! The vendor's two-finger gripper behind the tool's bus, with nothing between its fingers.
+//! The vendor's two-finger gripper behind the tool's bus: its registers. Where its fingers are is
+//! for the world to say.
 
-use crate::xarm::wire::{Rtu, RtuBody, gripper_register};
+use super::world::{Fingers, OPEN};
+use crate::wire::{Rtu, RtuBody, gripper_register};
 
 /// Device number of the gripper at the bus.
 const SLAVE: u8 = 8;
 /// Positions of the closed and the open gripper, pulses.
-const RANGE: (f64, f64) = (-10.0, 850.0);
+const RANGE: (f64, f64) = (-10.0, OPEN);
 /// Pulses a second at one revolution a minute: our choice, a full stroke in 0.6 s at the vendor's
 /// default of 1,500.
 const PULSES_PER_SPEED: f64 = 1.0;
@@ -22,33 +24,31 @@ pub(super) struct Gripper {
     mode: u16,
     speed: u16,
     /// Pulses.
-    position: f64,
-    /// Pulses.
     target: i32,
 }
 
 impl Gripper {
     /// Open and off.
     pub(super) const fn new() -> Self {
-        Self { enabled: 0, mode: 0, speed: 1500, position: RANGE.1, target: RANGE.1 as i32 }
+        Self { enabled: 0, mode: 0, speed: 1500, target: RANGE.1 as i32 }
     }
 
-    /// Moves the fingers for `dt_secs`.
-    pub(super) fn advance(&mut self, dt_secs: f64) {
-        let most = f64::from(self.speed) * PULSES_PER_SPEED * dt_secs;
-        self.position += (f64::from(self.target) - self.position).clamp(-most, most);
+    /// The command to the fingers.
+    pub(super) fn fingers(&self) -> Fingers {
+        let speed = f64::from(self.speed) * PULSES_PER_SPEED;
+        Fingers { target: f64::from(self.target), speed }
     }
 
-    /// What the device answers to a frame on its bus; none when it is not for it or makes no sense
-    /// to it.
-    pub(super) fn answer(&mut self, rtu: &Rtu) -> Option<Vec<u8>> {
+    /// The answer of the device, with its fingers at `position` (pulses), to a frame on its bus;
+    /// none when the frame is not for it or makes no sense to it.
+    pub(super) fn answer(&mut self, rtu: &Rtu, position: f64) -> Option<Vec<u8>> {
         if rtu.slave != SLAVE {
             return None;
         }
         match &rtu.body {
             RtuBody::Read { address, count } => {
                 let values: Option<Vec<_>> =
-                    (0..*count).map(|idx| self.read(address.checked_add(idx)?)).collect();
+                    (0..*count).map(|idx| self.read(address.checked_add(idx)?, position)).collect();
                 Some(rtu.read_answer(&values?))
             }
             RtuBody::Write { address, values } => {
@@ -59,21 +59,21 @@ impl Gripper {
         }
     }
 
-    fn read(&self, address: u16) -> Option<u16> {
+    fn read(&self, address: u16, position: f64) -> Option<u16> {
         /// The second halves of numbers of 32 bits.
         const TARGET_LOW: u16 = gripper_register::TARGET + 1;
         const POSITION_LOW: u16 = gripper_register::POSITION + 1;
-        let position = self.position.round() as i32;
+        let pulses = position.round() as i32;
         Some(match address {
-            gripper_register::STATUS => self.status(),
+            gripper_register::STATUS => self.status(position),
             gripper_register::ERROR => 0,
             gripper_register::ENABLE => self.enabled,
             gripper_register::MODE => self.mode,
             gripper_register::SPEED => self.speed,
             gripper_register::TARGET => (self.target >> 16) as u16,
             TARGET_LOW => self.target as u16,
-            gripper_register::POSITION => (position >> 16) as u16,
-            POSITION_LOW => position as u16,
+            gripper_register::POSITION => (pulses >> 16) as u16,
+            POSITION_LOW => pulses as u16,
             gripper_register::VERSION..=0x0803 => {
                 VERSION[usize::from(address - gripper_register::VERSION)]
             }
@@ -81,8 +81,8 @@ impl Gripper {
         })
     }
 
-    fn status(&self) -> u16 {
-        if (f64::from(self.target) - self.position).abs() > 0.5 { MOVING } else { 0 }
+    fn status(&self, position: f64) -> u16 {
+        if (f64::from(self.target) - position).abs() > 0.5 { MOVING } else { 0 }
     }
 
     fn write(&mut self, address: u16, values: &[u16]) {
@@ -102,51 +102,72 @@ impl Gripper {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::emulator::world::{KinematicWorld, Setpoint, World as _};
+    use lpr_core::robot::XARM7;
 
     fn rtu(body: RtuBody) -> Rtu {
         Rtu { host: 9, slave: SLAVE, body }
     }
 
-    fn position(gripper: &mut Gripper) -> i32 {
-        let answer = gripper
-            .answer(&rtu(RtuBody::Read { address: gripper_register::POSITION, count: 2 }))
-            .unwrap();
-        assert_eq!(answer[..4], [9, SLAVE, 3, 4]);
-        i32::from_be_bytes(answer[4..].try_into().unwrap())
+    /// A gripper with nothing between its fingers.
+    struct Hand {
+        gripper: Gripper,
+        world: KinematicWorld,
+    }
+
+    impl Hand {
+        fn new() -> Self {
+            Self { gripper: Gripper::new(), world: KinematicWorld::at(XARM7.start) }
+        }
+
+        fn ask(&mut self, rtu: &Rtu) -> Option<Vec<u8>> {
+            self.gripper.answer(rtu, self.world.fingers())
+        }
+
+        fn write(&mut self, address: u16, values: Vec<u16>) {
+            self.ask(&rtu(RtuBody::Write { address, values })).unwrap();
+        }
+
+        fn read<const N: usize>(&mut self, address: u16) -> [u8; N] {
+            let answer = self.ask(&rtu(RtuBody::Read { address, count: N as u16 / 2 })).unwrap();
+            assert_eq!(answer[..4], [9, SLAVE, 3, N as u8]);
+            answer[4..].try_into().unwrap()
+        }
+
+        fn position(&mut self) -> i32 {
+            i32::from_be_bytes(self.read(gripper_register::POSITION))
+        }
+
+        fn status(&mut self) -> u16 {
+            u16::from_be_bytes(self.read(gripper_register::STATUS))
+        }
+
+        fn advance(&mut self, dt_secs: f64) {
+            let setpoint = Setpoint { joints: XARM7.start, fingers: self.gripper.fingers() };
+            self.world.advance(dt_secs, &setpoint);
+        }
     }
 
     #[test]
     fn it_goes_where_it_is_told_at_its_speed() {
-        let mut gripper = Gripper::new();
-        for (address, values) in
-            [(gripper_register::SPEED, vec![100]), (gripper_register::TARGET, vec![0, 600])]
-        {
-            gripper.answer(&rtu(RtuBody::Write { address, values })).unwrap();
-        }
-        gripper.advance(1.0);
-        assert_eq!(position(&mut gripper), 750);
-        assert_eq!(gripper.read(gripper_register::STATUS), Some(MOVING));
-        gripper.advance(10.0);
-        assert_eq!(position(&mut gripper), 600);
-        assert_eq!(gripper.read(gripper_register::STATUS), Some(0));
+        let mut hand = Hand::new();
+        hand.write(gripper_register::SPEED, vec![100]);
+        hand.write(gripper_register::TARGET, vec![0, 600]);
+        hand.advance(1.0);
+        assert_eq!((hand.position(), hand.status()), (750, MOVING));
+        hand.advance(10.0);
+        assert_eq!((hand.position(), hand.status()), (600, 0));
     }
 
     #[test]
     fn it_stays_within_its_range_and_does_not_answer_for_others() {
-        let mut gripper = Gripper::new();
+        let mut hand = Hand::new();
         // -1000 pulses.
-        let values = vec![0xffff, 0xfc18];
-        gripper.answer(&rtu(RtuBody::Write { address: gripper_register::TARGET, values })).unwrap();
-        gripper.advance(10.0);
-        assert_eq!(position(&mut gripper), -10);
-        assert_eq!(
-            gripper.answer(&Rtu {
-                host: 9,
-                slave: 1,
-                body: RtuBody::Read { address: 0, count: 1 }
-            }),
-            None
-        );
-        assert_eq!(gripper.answer(&rtu(RtuBody::Read { address: 0x0f00, count: 1 })), None);
+        hand.write(gripper_register::TARGET, vec![0xffff, 0xfc18]);
+        hand.advance(10.0);
+        assert_eq!(hand.position(), -10);
+        let other = Rtu { host: 9, slave: 1, body: RtuBody::Read { address: 0, count: 1 } };
+        assert_eq!(hand.ask(&other), None);
+        assert_eq!(hand.ask(&rtu(RtuBody::Read { address: 0x0f00, count: 1 })), None);
     }
 }

@@ -1,10 +1,10 @@
 //! Where the emulator listens: ports, and files for the vendor's SDK.
 
-use super::EmulatorSettings;
+use super::received::Channel;
+use super::settings::EmulatorSettings;
 use super::socket::Listener;
-use crate::files::FileError;
-use crate::xarm::Ports;
-use crate::xarm::wire::ReportKind;
+use crate::Ports;
+use crate::wire::ReportKind;
 use std::io;
 use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
@@ -12,16 +12,7 @@ use std::path::{Path, PathBuf};
 /// How the vendor's SDK calls the Unix sockets, before the port of a controller.
 const UDS_PREFIX: &str = "xarmcontroller_uds_";
 
-/// Which port a command came in on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Channel {
-    /// The first.
-    Command,
-    /// The second.
-    Stop,
-}
-
-/// What a listener is for.
+/// Purpose of a listener.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Purpose {
     Commands(Channel),
@@ -40,8 +31,22 @@ pub enum EmulatorError {
         source: io::Error,
     },
     /// A socket file that cannot be made.
-    #[error(transparent)]
-    File(#[from] FileError),
+    #[error("{}: cannot {action}: {source}", path.display())]
+    File {
+        /// The attempt: "create" or "delete".
+        action: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// The operating system's reason.
+        source: io::Error,
+    },
+}
+
+impl EmulatorError {
+    fn file(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| Self::File { action, path, source }
+    }
 }
 
 /// Purposes with the port that each has on a controller.
@@ -99,10 +104,10 @@ pub(super) fn listen_at_files(
     for (purpose, port) in purposes() {
         let path = directory.join(format!("{UDS_PREFIX}{port}"));
         if path.exists() && UnixStream::connect(&path).is_err() {
-            std::fs::remove_file(&path).map_err(FileError::io("delete", &path))?;
+            std::fs::remove_file(&path).map_err(EmulatorError::file("delete", &path))?;
         }
-        let listener = UnixListener::bind(&path).map_err(FileError::io("create", &path))?;
-        listener.set_nonblocking(true).map_err(FileError::io("create", &path))?;
+        let listener = UnixListener::bind(&path).map_err(EmulatorError::file("create", &path))?;
+        listener.set_nonblocking(true).map_err(EmulatorError::file("create", &path))?;
         listeners.push((purpose, Listener::Unix(listener)));
         sockets.push(path);
     }
@@ -115,5 +120,5 @@ pub(super) fn listen_at_files(
     _: &mut Vec<(Purpose, Listener)>,
 ) -> Result<Vec<PathBuf>, EmulatorError> {
     let path = directory.join(UDS_PREFIX);
-    Err(FileError::io("create", &path)(io::Error::from(io::ErrorKind::Unsupported)).into())
+    Err(EmulatorError::file("create", &path)(io::Error::from(io::ErrorKind::Unsupported)))
 }

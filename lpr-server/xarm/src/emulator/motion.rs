@@ -1,6 +1,6 @@
 //! Motions that the controller plans itself, and their queue.
 
-use crate::xarm::wire::{Feedback, FeedbackCode, FeedbackKind};
+use crate::wire::{Feedback, FeedbackCode, FeedbackKind};
 use core::f64::consts::PI;
 use lpr_core::glamx::{DPose3, Pose3};
 use lpr_core::path::{JointPath, TimedPath, TimingSettings};

@@ -1,13 +1,15 @@
 //! Sockets and the time of day for the controller.
 
-use super::EmulatorSettings;
 use super::controller::Controller;
 use super::fault::{Fault, FaultKind};
-use super::listen::{Channel, EmulatorError, Purpose, listen, listen_at_files};
+use super::listen::{EmulatorError, Purpose, listen, listen_at_files};
 use super::motion::{ConnectionId, Origin};
+use super::received::{Channel, Received};
+use super::settings::EmulatorSettings;
 use super::socket::{Listener, Socket};
-use crate::xarm::Ports;
-use crate::xarm::wire::{
+use super::world::World;
+use crate::Ports;
+use crate::wire::{
     Answer, Frame, FrameReader, HEARTBEAT_PROTOCOL, MODBUS_PROTOCOL, Reply, Report, ReportKind,
     Request,
 };
@@ -28,17 +30,6 @@ const ACCEPT_INTERVAL: Duration = Duration::from_millis(10);
 const REALTIME_INTERVAL: Duration = Duration::from_millis(10);
 /// Between two normal or rich reports.
 const SLOW_INTERVAL: Duration = Duration::from_millis(200);
-
-/// A frame that the emulator received.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Received {
-    /// Which connection, counted from 0.
-    pub connection: u64,
-    /// Which port.
-    pub channel: Channel,
-    /// The frame.
-    pub frame: Frame,
-}
 
 /// A running emulator; dropping it ends it.
 #[derive(Debug)]
@@ -69,19 +60,22 @@ struct Clocked {
 }
 
 impl Emulator {
-    /// Starts one.
+    /// Starts one that commands the arm in `world`.
     ///
     /// # Errors
     ///
     /// When a port or a socket file is taken or not allowed: the message names it.
-    pub fn start(settings: EmulatorSettings) -> Result<Self, EmulatorError> {
+    pub fn start(
+        settings: EmulatorSettings,
+        world: impl World + 'static,
+    ) -> Result<Self, EmulatorError> {
         let (ports, mut listeners) = listen(&settings)?;
         let sockets = settings
             .uds
             .as_deref()
             .map(|directory| listen_at_files(directory, &mut listeners))
             .transpose()?;
-        let shared = Arc::new(Shared::new(settings));
+        let shared = Arc::new(Shared::new(settings, Box::new(world)));
         let mut threads = vec![spawn(&shared, Shared::tick)];
         for (purpose, listener) in listeners {
             threads.push(spawn(&shared, move |shared| shared.accept(purpose, &listener)));
@@ -121,10 +115,11 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Shared {
-    fn new(EmulatorSettings { firmware, start, fault, received, .. }: EmulatorSettings) -> Self {
+    fn new(settings: EmulatorSettings, world: Box<dyn World>) -> Self {
+        let EmulatorSettings { firmware, fault, received, .. } = settings;
         Self {
             clocked: Mutex::new(Clocked {
-                controller: Controller::new(&firmware, start),
+                controller: Controller::new(&firmware, world),
                 until: Instant::now(),
             }),
             commanders: Mutex::default(),
@@ -150,7 +145,7 @@ impl Shared {
         lock(&self.reporters).clear();
     }
 
-    /// Whether that fault has begun.
+    /// True once that fault has begun.
     fn suffers(&self, kind: FaultKind) -> bool {
         let points = self.servo_points.load(Ordering::Relaxed);
         self.fault.is_some_and(|fault| fault.kind == kind && points >= fault.after_points)

@@ -3,13 +3,14 @@
 use super::controller::Controller;
 use super::motion::Origin;
 use super::*;
-use crate::xarm::wire::{
+use crate::wire::{
     Answer, Axis, Check, Feedback, FeedbackCode, FeedbackKind, Frame, FrameReader, JointMove,
-    LineForm, LineMove, MODBUS_PROTOCOL, Mode, Pace, Power, Reply, ReportKind, Request, State,
-    StateCommand, Status, TcpPose,
+    LineForm, LineMove, MODBUS_PROTOCOL, Mode, Pace, Power, Reply, Report, ReportKind, Request,
+    Rtu, RtuBody, State, StateCommand, Status, TcpPose, gripper_register,
 };
+use lpr_core::robot::{JointConfig, XARM7};
 use std::io::{Read as _, Write as _};
-use std::net::TcpStream;
+use std::net::{Ipv4Addr, TcpStream};
 use std::time::Duration;
 
 const PACE: Pace = Pace { speed: 1.0, acceleration: 10.0, duration: 0.0 };
@@ -20,9 +21,18 @@ struct Desk {
 }
 
 impl Desk {
+    /// A controller that is switched on, of an arm in `world`.
+    fn new(world: impl World + 'static) -> Self {
+        Self { controller: Controller::new("2.5.0", Box::new(world)), transaction: 0 }
+    }
+
     /// A controller that is switched on, enabled and ready in `mode`.
     fn ready(mode: Mode) -> Self {
-        let mut desk = Self { controller: Controller::new("2.5.0", XARM7.start), transaction: 0 };
+        Self::ready_in(KinematicWorld::at(XARM7.start), mode)
+    }
+
+    fn ready_in(world: impl World + 'static, mode: Mode) -> Self {
+        let mut desk = Self::new(world);
         desk.ask(&Request::EnableMotion(Axis::ALL, Power::On));
         desk.ask(&Request::SetMode(mode, Some(0)));
         desk.ask(&Request::SetState(StateCommand::Run));
@@ -63,7 +73,7 @@ fn turn(angle: f32) -> Request {
 
 #[test]
 fn it_moves_only_after_enabling_a_mode_and_running() {
-    let mut desk = Desk { controller: Controller::new("2.5.0", XARM7.start), transaction: 0 };
+    let mut desk = Desk::new(KinematicWorld::at(XARM7.start));
     assert_eq!(desk.state(), State::Stopped);
     let refused = desk.ask(&turn(0.5));
     assert_eq!(
@@ -298,14 +308,81 @@ fn reports_say_what_the_controller_is() {
     desk.controller.advance(1.0);
     for kind in [ReportKind::Realtime, ReportKind::Normal, ReportKind::Rich] {
         let report = desk.controller.report(kind);
-        let motion = report.motion().unwrap();
-        assert_eq!((motion.state, motion.mode, motion.joints), (State::Ready, Mode::SERVO, target));
+        let arm = report.arm().unwrap();
+        assert_eq!((arm.state, arm.mode, arm.joints), (State::Ready, Mode::SERVO, target));
         assert_eq!(report.encode().len(), kind.bytes());
     }
 }
 
+/// A world in which the first joint and the fingers meet something.
+#[derive(Debug)]
+struct BlockedWorld {
+    free: KinematicWorld,
+    /// Greatest angle of the first joint, radians.
+    most_angle: f32,
+    /// Width of the thing between the fingers, pulses.
+    least_opening: f64,
+}
+
+impl BlockedWorld {
+    fn new() -> Self {
+        Self { free: KinematicWorld::at(XARM7.start), most_angle: 0.2, least_opening: 300.0 }
+    }
+}
+
+impl World for BlockedWorld {
+    fn advance(&mut self, dt_secs: f64, setpoint: &Setpoint) {
+        self.free.advance(dt_secs, setpoint);
+    }
+
+    fn joints(&self) -> JointConfig {
+        let mut joints = self.free.joints();
+        joints[0] = joints[0].min(self.most_angle);
+        joints
+    }
+
+    fn fingers(&self) -> f64 {
+        self.free.fingers().max(self.least_opening)
+    }
+}
+
+#[test]
+fn where_arm_and_fingers_are_is_for_the_world_to_say() {
+    let mut desk = Desk::ready_in(BlockedWorld::new(), Mode::POSITION);
+    desk.ask(&turn(1.0));
+    let bus = |body| Request::Rs485(Rtu { host: 9, slave: 8, body });
+    desk.ask(&bus(RtuBody::Write { address: gripper_register::TARGET, values: vec![0, 0] }));
+    desk.controller.advance(0.6);
+    desk.controller.advance(0.01);
+    assert_eq!((desk.joints()[0], desk.state()), (0.2, State::Moving));
+    let Report::Fast(report) = desk.controller.report(ReportKind::Fast) else { panic!("fast") };
+    assert_eq!((report.joints[0], report.joint_speeds[0]), (0.2, 0.0));
+    assert!(report.target[0] > 0.5, "{report:?}");
+    let read = RtuBody::Read { address: gripper_register::POSITION, count: 2 };
+    let Answer::Rs485(answer) = desk.ask(&bus(read)).answer else { panic!("no answer") };
+    assert_eq!(answer[4..], 300_u32.to_be_bytes());
+}
+
+#[test]
+fn after_a_stop_motions_begin_where_the_arm_is() {
+    let mut desk = Desk::ready_in(BlockedWorld::new(), Mode::SERVO);
+    let point = |angle| Request::ServoJoints(JointConfig([angle; 7]), PACE);
+    desk.ask(&point(0.5));
+    desk.controller.advance(1.0);
+    assert_eq!(desk.joints()[0], 0.2);
+    desk.ask(&Request::SetState(StateCommand::Stop));
+    desk.ask(&Request::SetState(StateCommand::Run));
+    desk.ask(&point(0.0));
+    desk.controller.advance(0.01);
+    assert!((desk.joints()[0] - 0.1686).abs() < 1e-3, "{:?}", desk.joints());
+}
+
 fn free() -> Emulator {
-    Emulator::start(EmulatorSettings::on_free_ports()).unwrap()
+    start(EmulatorSettings::on_free_ports()).unwrap()
+}
+
+fn start(settings: EmulatorSettings) -> Result<Emulator, EmulatorError> {
+    Emulator::start(settings, KinematicWorld::at(XARM7.start))
 }
 
 fn frame(stream: &mut impl std::io::Read) -> Frame {
@@ -387,7 +464,7 @@ fn unix_sockets_have_the_names_of_a_controllers_ports() {
         uds: Some(directory.path().to_owned()),
         ..EmulatorSettings::on_free_ports()
     };
-    let emulator = Emulator::start(settings).unwrap();
+    let emulator = start(settings).unwrap();
     let mut client = UnixStream::connect(directory.path().join("xarmcontroller_uds_502")).unwrap();
     client.write_all(&Request::GetState.to_frame(1, 2).encode()).unwrap();
     assert_eq!(
@@ -404,7 +481,6 @@ fn a_port_that_is_taken_is_named() {
     let emulator = free();
     let command_port = emulator.ports().command;
     let error =
-        Emulator::start(EmulatorSettings { command_port, ..EmulatorSettings::on_free_ports() })
-            .unwrap_err();
+        start(EmulatorSettings { command_port, ..EmulatorSettings::on_free_ports() }).unwrap_err();
     assert!(error.to_string().contains(&format!("127.0.0.1:{command_port}")), "{error}");
 }

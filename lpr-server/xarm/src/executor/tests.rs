@@ -1,10 +1,12 @@
 //! The executor against an emulator in the same process.
 
 use super::*;
-use crate::xarm::emulator::{Channel, Emulator, EmulatorSettings, Fault, FaultKind, Received};
-use crate::xarm::safety::{SafetyLimits, check_path};
-use crate::xarm::schedule;
-use crate::xarm::wire::{Check, JointMove, register};
+use crate::emulator::{
+    Channel, Emulator, EmulatorSettings, Fault, FaultKind, KinematicWorld, Received,
+};
+use crate::safety::{SafetyError, SafetyLimits, check_path};
+use crate::schedule;
+use crate::wire::{Check, JointMove, register};
 use lpr_core::path::JointPath;
 use lpr_core::robot::XARM7;
 use std::sync::mpsc::{Receiver, channel};
@@ -31,7 +33,7 @@ impl Setup {
         let (sender, received) = channel();
         let settings =
             EmulatorSettings { fault, received: Some(sender), ..EmulatorSettings::on_free_ports() };
-        let emulator = Emulator::start(settings).unwrap();
+        let emulator = Emulator::start(settings, KinematicWorld::at(XARM7.start)).unwrap();
         let link = connect(&emulator);
         Self { emulator, received, link }
     }
@@ -100,7 +102,7 @@ fn a_path_is_streamed_point_by_point_to_its_end() {
     assert_eq!(requests(&received, register::SERVO_JOINTS), sent);
     assert!(!received.iter().any(is_stop));
     assert_eq!(setup.link.commands.state().unwrap(), State::Ready);
-    let left_in = setup.link.newest_report().unwrap().motion.mode;
+    let left_in = setup.link.newest_report().unwrap().arm.mode;
     assert_eq!(left_in, Mode::POSITION);
 }
 

@@ -38,7 +38,7 @@ impl Reader<'_> {
         Some(values)
     }
 
-    /// What is left.
+    /// The bytes that are left.
     pub(super) fn rest(&mut self) -> Vec<u8> {
         core::mem::take(&mut self.0).to_vec()
     }

@@ -1,13 +1,11 @@
 //! Frames: transaction, protocol and length, then a body of which the first byte is a register.
 
+use super::MAX_BODY;
 use super::bytes::{Reader, Writer};
-use super::{Result, WireError};
+use super::error::{Result, WireError};
 
 /// Bytes before the body.
 const HEADER: usize = 6;
-
-/// Longest body: 14 times the longest that exists.
-pub const MAX_BODY: usize = 4096;
 
 /// Protocol identifier of standard Modbus.
 pub const MODBUS_PROTOCOL: u16 = 0;

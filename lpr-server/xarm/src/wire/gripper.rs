@@ -5,14 +5,14 @@ use super::bytes::{Reader, Writer};
 const READ: u8 = 0x03;
 const WRITE: u8 = 0x10;
 
-/// What the controller passes on to the device `slave` at the bus `host`.
+/// A frame that the controller passes on to the device `slave` at the bus `host`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Rtu {
     /// Bus: 9 at the tool.
     pub host: u8,
     /// Device: 8 is the gripper.
     pub slave: u8,
-    /// What it says.
+    /// Its content.
     pub body: RtuBody,
 }
 

@@ -1,8 +1,11 @@
 //! What the controller answers, and the feedback that it sends unasked.
 
 use super::bytes::{Reader, Writer};
+use super::error::{Result, WireError};
+use super::frame::Frame;
 use super::pose::TcpPose;
-use super::{Frame, Result, State, WireError, register};
+use super::register;
+use super::state::State;
 use lpr_core::robot::{DOF, JointConfig};
 
 /// Bytes of a text.
@@ -22,7 +25,7 @@ impl Status {
     /// An error waits to be read.
     pub const ERROR: u8 = 0x40;
 
-    /// Whether any of `bits` is set.
+    /// True when any of `bits` is set.
     #[must_use]
     pub const fn has(self, bits: u8) -> bool {
         self.0 & bits != 0
@@ -59,7 +62,7 @@ pub enum Answer {
     Pose(TcpPose),
     /// Yes or no.
     Flag(u8),
-    /// What a device answered: bus, then its frame.
+    /// The answer of a device: bus, then its frame.
     Rs485(Vec<u8>),
     /// A register of the tool's board.
     Value(i32),
@@ -167,7 +170,7 @@ fn read_joints(reader: &mut Reader<'_>) -> Answer {
     Answer::Joints(groups)
 }
 
-/// What a feedback frame is about; bits of [`super::Request::SetFeedback`].
+/// Kind of a feedback frame; bits of [`super::Request::SetFeedback`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum FeedbackKind {
@@ -198,7 +201,7 @@ pub struct Feedback {
     pub protocol: u16,
     /// Register of the motion.
     pub register: u8,
-    /// What happened.
+    /// Begin or end.
     pub kind: FeedbackKind,
     /// How it ended.
     pub code: FeedbackCode,

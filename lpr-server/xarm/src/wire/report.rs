@@ -1,13 +1,15 @@
-//! What the controller reports unasked, again and again, on ports of its own.
+//! Reports that the controller sends unasked, again and again, on ports of its own.
+
+mod fast;
+
+pub use fast::{FAST_BYTES, FastReport};
 
 use super::bytes::{Reader, Writer, metres, millimetres};
+use super::error::{Result, WireError};
 use super::pose::TcpPose;
-use super::request::Mode;
-use super::{Result, State, WireError};
+use super::state::{Mode, State};
 use lpr_core::robot::{DOF, JointConfig};
 
-/// Bytes of a [`FastReport`].
-pub const FAST_BYTES: usize = 804;
 /// Bytes of a [`RealtimeReport`].
 pub const REALTIME_BYTES: usize = 135;
 /// Bytes of a [`NormalReport`].
@@ -24,9 +26,9 @@ const SPEEDS: usize = 252;
 /// Where what this program does not know begins.
 const AFTER_SPEEDS: usize = 284;
 
-/// What every report begins with.
+/// Readings of the arm, with which every report but the fast one begins.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Motion {
+pub struct ArmReading {
     /// The state.
     pub state: State,
     /// The mode.
@@ -70,7 +72,7 @@ pub struct Health {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RealtimeReport {
     /// Where the arm is and what it does.
-    pub motion: Motion,
+    pub arm: ArmReading,
     /// Force and torque at the sensor without the tool's weight, N and N m.
     pub external_force: [f32; 6],
     /// Force and torque at the sensor, N and N m.
@@ -81,7 +83,7 @@ pub struct RealtimeReport {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NormalReport {
     /// Where the arm is and what it does.
-    pub motion: Motion,
+    pub arm: ArmReading,
     /// Drives, errors and settings.
     pub health: Health,
 }
@@ -91,7 +93,7 @@ pub struct NormalReport {
 #[derive(Debug, Clone, PartialEq)]
 pub struct RichReport {
     /// Where the arm is and what it does.
-    pub motion: Motion,
+    pub arm: ArmReading,
     /// Drives, errors and settings.
     pub health: Health,
     /// Name of the firmware, at most 30 bytes.
@@ -105,30 +107,6 @@ pub struct RichReport {
     pub tcp_speed: f64,
     /// Speeds of the joints, rad/s.
     pub joint_speeds: [f32; DOF],
-}
-
-/// The report of port [`super::FAST_PORT`]; what this program does not know is sent as zeros and
-/// not read.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FastReport {
-    /// Time of the controller, microseconds.
-    pub micros: u64,
-    /// The state.
-    pub state: State,
-    /// The mode.
-    pub mode: Mode,
-    /// Motions in the queue.
-    pub queued: u16,
-    /// Where the joints should be, radians.
-    pub target: JointConfig,
-    /// Where they are, radians.
-    pub joints: JointConfig,
-    /// Their speeds, rad/s.
-    pub joint_speeds: [f32; DOF],
-    /// Where the tool is, metres.
-    pub position: [f64; 3],
-    /// Rotation of the tool: axis times angle, radians.
-    pub axis_angle: [f32; 3],
 }
 
 /// Which report a port sends.
@@ -213,12 +191,13 @@ impl ReportReader {
 impl Report {
     /// Where the arm is and what it does; none of a fast report, which counts poses otherwise.
     #[must_use]
-    pub const fn motion(&self) -> Option<&Motion> {
+    pub const fn arm(&self) -> Option<&ArmReading> {
         match self {
             Self::Fast(_) => None,
-            Self::Realtime(RealtimeReport { motion, .. })
-            | Self::Normal(NormalReport { motion, .. }) => Some(motion),
-            Self::Rich(report) => Some(&report.motion),
+            Self::Realtime(RealtimeReport { arm, .. }) | Self::Normal(NormalReport { arm, .. }) => {
+                Some(arm)
+            }
+            Self::Rich(report) => Some(&report.arm),
         }
     }
 
@@ -233,26 +212,27 @@ impl Report {
         }
     }
 
-    /// What follows the length; none when bytes are missing.
+    /// The report after its length; none when bytes are missing.
     fn read(kind: ReportKind, bytes: &[u8]) -> Result<Option<Self>> {
         let mut reader = Reader(bytes);
         if kind == ReportKind::Fast {
             return Ok(FastReport::read(&mut reader)?.map(Self::Fast));
         }
-        let Some(motion) = Motion::read(&mut reader)? else { return Ok(None) };
+        let Some(arm) = ArmReading::read(&mut reader)? else { return Ok(None) };
         let report = match kind {
             ReportKind::Fast => None,
             ReportKind::Realtime => {
                 let forces = reader.f32s().zip(reader.f32s());
                 forces.map(|(external_force, raw_force)| {
-                    Self::Realtime(RealtimeReport { motion, external_force, raw_force })
+                    Self::Realtime(RealtimeReport { arm, external_force, raw_force })
                 })
             }
-            ReportKind::Normal => Health::read(&mut reader)
-                .map(|health| Self::Normal(NormalReport { motion, health })),
+            ReportKind::Normal => {
+                Health::read(&mut reader).map(|health| Self::Normal(NormalReport { arm, health }))
+            }
             ReportKind::Rich => {
                 let health = Health::read(&mut reader);
-                let details = health.and_then(|health| read_details(motion, health, reader, bytes));
+                let details = health.and_then(|health| read_details(arm, health, reader, bytes));
                 details.map(|report| Self::Rich(Box::new(report)))
             }
         };
@@ -260,66 +240,10 @@ impl Report {
     }
 }
 
-impl FastReport {
-    fn read(reader: &mut Reader<'_>) -> Result<Option<Self>> {
-        let Some((micros, (state, queued))) = reader.u64().zip(reader.u8().zip(reader.u16()))
-        else {
-            return Ok(None);
-        };
-        let (state, mode) = (State::from_number(state & 0x0f)?, Mode(state >> 4));
-        let mut numbers = || {
-            reader.bytes::<17>()?;
-            let target = JointConfig(reader.f32s()?);
-            reader.bytes::<56>()?;
-            let (joints, joint_speeds) = (JointConfig(reader.f32s()?), reader.f32s()?);
-            reader.bytes::<300>()?;
-            let (position, axis_angle) = (reader.f32s()?.map(metres), reader.f32s()?);
-            Some(Self {
-                micros,
-                state,
-                mode,
-                queued,
-                target,
-                joints,
-                joint_speeds,
-                position,
-                axis_angle,
-            })
-        };
-        Ok(numbers())
-    }
-
-    fn encode(&self) -> Vec<u8> {
-        let Self {
-            micros,
-            state,
-            mode,
-            queued,
-            target,
-            joints,
-            joint_speeds,
-            position,
-            axis_angle,
-        } = self;
-        let mut writer = begin(FAST_BYTES);
-        writer.u64(*micros).u8(*state as u8 | mode.0 << 4).u16(*queued).zeros(17);
-        // Speeds and accelerations that should be; then accelerations, currents and torques that
-        // are, and space.
-        writer.f32s(&target.0).zeros(56).f32s(&joints.0).f32s(joint_speeds).zeros(252);
-        // The pose that should be and its speed, then the pose that is.
-        for _ in 0..2 {
-            writer.f32s(&position.map(millimetres)).f32s(axis_angle).zeros(24);
-        }
-        let n = FAST_BYTES - writer.0.len();
-        writer.zeros(n);
-        writer.0
-    }
-}
-
 impl RealtimeReport {
     fn encode(&self) -> Vec<u8> {
         let mut writer = begin(REALTIME_BYTES);
-        self.motion.write(&mut writer);
+        self.arm.write(&mut writer);
         writer.f32s(&self.external_force).f32s(&self.raw_force);
         writer.0
     }
@@ -328,7 +252,7 @@ impl RealtimeReport {
 impl NormalReport {
     fn encode(&self) -> Vec<u8> {
         let mut writer = begin(NORMAL_BYTES);
-        self.motion.write(&mut writer);
+        self.arm.write(&mut writer);
         self.health.write(&mut writer);
         writer.0
     }
@@ -337,7 +261,7 @@ impl NormalReport {
 impl RichReport {
     fn encode(&self) -> Vec<u8> {
         let mut writer = begin(RICH_BYTES);
-        self.motion.write(&mut writer);
+        self.arm.write(&mut writer);
         self.health.write(&mut writer);
         // Type and number of axes, identifiers of master and slave, two of the motors.
         writer.bytes(&[DOF as u8, DOF as u8, 0xaa, 0x55, 0, 0]);
@@ -360,7 +284,7 @@ fn begin(bytes: usize) -> Writer {
 }
 
 fn read_details(
-    motion: Motion,
+    arm: ArmReading,
     health: Health,
     mut reader: Reader<'_>,
     bytes: &[u8],
@@ -371,10 +295,10 @@ fn read_details(
     let (tcp_limits, joint_limits) = (reader.f32s()?.map(metres), reader.f32s()?);
     let mut speeds = Reader(bytes.get(SPEEDS - LENGTH..)?);
     let (tcp_speed, joint_speeds) = (metres(speeds.f32()?), speeds.f32s()?);
-    Some(RichReport { motion, health, firmware, tcp_limits, joint_limits, tcp_speed, joint_speeds })
+    Some(RichReport { arm, health, firmware, tcp_limits, joint_limits, tcp_speed, joint_speeds })
 }
 
-impl Motion {
+impl ArmReading {
     fn read(reader: &mut Reader<'_>) -> Result<Option<Self>> {
         let Some((state, queued)) = reader.u8().zip(reader.u16()) else { return Ok(None) };
         let (state, mode) = (State::from_number(state & 0x0f)?, Mode(state >> 4));
@@ -385,7 +309,7 @@ impl Motion {
         };
         let joints = JointConfig(joints);
         if !joints.is_finite() {
-            return Err(WireError::NotFinite("a reported joint angle"));
+            return Err(WireError::NotFinite("reported joint angle"));
         }
         Ok(Some(Self { state, mode, queued, joints, pose, torques }))
     }

@@ -1,118 +1,14 @@
-//! What a client asks of the controller, as values.
+//! Requests of a client to the controller, as values.
 
 use super::bytes::{Reader, Writer, metres, millimetres};
+use super::error::{Result, WireError};
+use super::frame::Frame;
 use super::gripper::Rtu;
+use super::moves::{JointMove, LineMove, Pace, given, kept};
 use super::pose::TcpPose;
-use super::{Frame, Result, WireError, register};
+use super::register;
+use super::state::{Axis, Mode, Power, StateCommand};
 use lpr_core::robot::{DOF, JointConfig};
-
-/// How the controller takes motions.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Mode(pub u8);
-
-impl Mode {
-    /// A queue of motions that the controller plans.
-    pub const POSITION: Self = Self(0);
-    /// The newest point wins.
-    pub const SERVO: Self = Self(1);
-}
-
-/// Which drives.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Axis(pub u8);
-
-impl Axis {
-    /// Every joint and the tool.
-    pub const ALL: Self = Self(8);
-}
-
-/// Drives on or off.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Power {
-    /// Without torque, brakes closed.
-    Off,
-    /// Holding the arm.
-    On,
-}
-
-/// What the state is set to.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
-pub enum StateCommand {
-    /// Motions may run.
-    Run = 0,
-    /// The motion waits.
-    Pause = 3,
-    /// Stop and forget the queue.
-    Stop = 4,
-    /// Slow down, stop and forget the queue.
-    SlowStop = 6,
-}
-
-/// Whether a motion is only looked at: a byte that older firmware does not have.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Check {
-    /// The byte is absent: it moves.
-    Absent,
-    /// It moves.
-    Move,
-    /// It only says whether it could.
-    Only,
-}
-
-/// Speed of a motion; metres for lines and radians for joints.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pace {
-    /// Per second.
-    pub speed: f64,
-    /// Per second squared.
-    pub acceleration: f64,
-    /// Reserved; the vendor's client sends 0, seconds.
-    pub duration: f64,
-}
-
-/// A motion in joint space.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct JointMove {
-    /// Where to, radians; none keeps the joint (infinity on the wire).
-    pub target: [Option<f32>; DOF],
-    /// Of the joint that goes farthest.
-    pub pace: Pace,
-    /// Whether it is only looked at.
-    pub check: Check,
-}
-
-/// What follows the numbers of a [`LineMove`].
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum LineForm {
-    /// Firmware before 1.11.100.
-    Classic,
-    /// Later firmware.
-    Common {
-        /// Radius of the blend to the next motion, metres; none stops.
-        radius: Option<f64>,
-        /// 0 base, 1 tool.
-        frame: u8,
-        /// 0 roll, pitch and yaw; 1 axis times angle.
-        rotation: u8,
-        /// Whether it is only looked at: [`Check::Absent`] does not occur.
-        check: Check,
-        /// A byte that firmware from 2.3 has.
-        kind: Option<u8>,
-    },
-}
-
-/// A motion of the tool along a straight line.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct LineMove {
-    /// Where to: x, y, z in metres, roll, pitch, yaw in radians; none keeps the component (infinity
-    /// on the wire).
-    pub target: [Option<f64>; 6],
-    /// Of the tool.
-    pub pace: Pace,
-    /// What follows.
-    pub form: LineForm,
-}
 
 /// A request, of the registers that this program knows.
 #[derive(Debug, Clone, PartialEq)]
@@ -166,7 +62,7 @@ pub enum Request {
     GetIk(TcpPose),
     /// The pose of the tool in a configuration.
     GetFk(JointConfig),
-    /// Whether a configuration is outside the limits.
+    /// Asks if a configuration is outside the limits.
     IsJointLimit(JointConfig),
     /// Torques of the joints.
     GetJointTorques,
@@ -178,7 +74,7 @@ pub enum Request {
         host: u8,
         /// Its register.
         address: u16,
-        /// What is written.
+        /// Its new value.
         value: f32,
     },
     /// Reads a register of the tool's own board.
@@ -198,7 +94,7 @@ pub enum Request {
     Other {
         /// Its number.
         register: u8,
-        /// What came with it.
+        /// Its parameters.
         params: Vec<u8>,
     },
 }
@@ -272,13 +168,8 @@ impl Request {
             }
             Self::SetState(command) => _ = writer.u8(*command as u8),
             Self::SetMode(mode, detection) => _ = writer.u8(mode.0).bytes(detection.as_slice()),
-            Self::MoveLine(line) => write_line(line, writer),
-            Self::MoveJoints(JointMove { target, pace, check }) => {
-                writer
-                    .f32s(&target.map(kept))
-                    .f32s(&angular(pace))
-                    .bytes(check_byte(*check).as_slice());
-            }
+            Self::MoveLine(line) => line.write(writer),
+            Self::MoveJoints(motion) => motion.write(writer),
             Self::MoveJointsBlended { target, speed, acceleration, radius } => {
                 writer.f32s(&target.map(kept)).f32s(&[
                     *speed as f32,
@@ -286,9 +177,9 @@ impl Request {
                     millimetres(*radius),
                 ]);
             }
-            Self::MoveHome(pace) => _ = writer.f32s(&angular(pace)),
+            Self::MoveHome(pace) => pace.write(writer),
             Self::Sleep(seconds) => _ = writer.f32s(&[*seconds]),
-            Self::ServoJoints(joints, pace) => _ = writer.f32s(&joints.0).f32s(&angular(pace)),
+            Self::ServoJoints(joints, pace) => pace.write(writer.f32s(&joints.0)),
             Self::GetJoints(n) => _ = writer.bytes(n.as_slice()),
             Self::GetIk(pose) | Self::SetTcpOffset(pose) => pose.write(writer),
             Self::GetFk(joints) | Self::IsJointLimit(joints) => _ = writer.f32s(&joints.0),
@@ -325,7 +216,7 @@ fn read_params(register: u8, reader: &mut Reader<'_>) -> Result<Option<Request>>
         }),
         register::SET_STATE => match reader.u8() {
             Some(number) => Some(Request::SetState(
-                state_command(number).ok_or_else(|| out_of_range("the state", number))?,
+                StateCommand::from_number(number).ok_or_else(|| out_of_range("state", number))?,
             )),
             None => None,
         },
@@ -335,14 +226,14 @@ fn read_params(register: u8, reader: &mut Reader<'_>) -> Result<Option<Request>>
         register::CLEAN_ERROR => Some(Request::CleanError),
         register::CLEAN_WARNING => Some(Request::CleanWarning),
         register::SET_MODE => reader.u8().map(|mode| Request::SetMode(Mode(mode), reader.u8())),
-        register::MOVE_LINE => read_line(reader),
-        register::MOVE_JOINTS => read_joint_move(reader),
+        register::MOVE_LINE => LineMove::read(reader).map(Request::MoveLine),
+        register::MOVE_JOINTS => JointMove::read(reader).map(Request::MoveJoints),
         register::MOVE_JOINTS_BLENDED => read_blended(reader),
-        register::MOVE_HOME => read_pace(reader).map(Request::MoveHome),
+        register::MOVE_HOME => Pace::read(reader).map(Request::MoveHome),
         register::SLEEP => reader.f32().map(Request::Sleep),
         register::SERVO_JOINTS => reader
             .f32s()
-            .zip(read_pace(reader))
+            .zip(Pace::read(reader))
             .map(|(joints, pace)| Request::ServoJoints(JointConfig(joints), pace)),
         register::GET_TCP_POSE => Some(Request::GetTcpPose),
         register::GET_JOINTS => Some(Request::GetJoints(reader.u8())),
@@ -364,10 +255,10 @@ fn read_params(register: u8, reader: &mut Reader<'_>) -> Result<Option<Request>>
     })
 }
 
-fn state_command(number: u8) -> Option<StateCommand> {
-    let known =
-        [StateCommand::Run, StateCommand::Pause, StateCommand::Stop, StateCommand::SlowStop];
-    known.into_iter().find(|command| *command as u8 == number)
+fn read_blended(reader: &mut Reader<'_>) -> Option<Request> {
+    let (target, [speed, acceleration, radius]) = (reader.f32s()?.map(given), reader.f32s()?);
+    let (speed, acceleration) = (f64::from(speed), f64::from(acceleration));
+    Some(Request::MoveJointsBlended { target, speed, acceleration, radius: metres(radius) })
 }
 
 /// The reference configuration that newer firmware takes is not used: nearest to where the arm is.
@@ -382,87 +273,4 @@ fn read_tool_write(reader: &mut Reader<'_>) -> Option<Request> {
     // A trailing byte says when outputs switch, which has no meaning for a board without outputs.
     let _ = reader.rest();
     Some(Request::WriteTool { host, address, value })
-}
-
-fn read_joint_move(reader: &mut Reader<'_>) -> Option<Request> {
-    let (target, pace) = (reader.f32s()?.map(given), read_pace(reader)?);
-    let check = reader.u8().map_or(Check::Absent, check_of);
-    Some(Request::MoveJoints(JointMove { target, pace, check }))
-}
-
-fn read_blended(reader: &mut Reader<'_>) -> Option<Request> {
-    let (target, [speed, acceleration, radius]) = (reader.f32s()?.map(given), reader.f32s()?);
-    let (speed, acceleration) = (f64::from(speed), f64::from(acceleration));
-    Some(Request::MoveJointsBlended { target, speed, acceleration, radius: metres(radius) })
-}
-
-fn read_line(reader: &mut Reader<'_>) -> Option<Request> {
-    let numbers: [f32; 6] = reader.f32s()?;
-    let target = core::array::from_fn(|i| {
-        let value = given(numbers[i])?;
-        Some(if i < 3 { metres(value) } else { f64::from(value) })
-    });
-    let [speed, acceleration, duration] = reader.f32s()?;
-    let pace = Pace {
-        speed: metres(speed),
-        acceleration: metres(acceleration),
-        duration: f64::from(duration),
-    };
-    let form = if reader.is_empty() { LineForm::Classic } else { read_common(reader)? };
-    Some(Request::MoveLine(LineMove { target, pace, form }))
-}
-
-fn read_common(reader: &mut Reader<'_>) -> Option<LineForm> {
-    let radius = reader.f32()?;
-    let (frame, rotation, check) = (reader.u8()?, reader.u8()?, check_of(reader.u8()?));
-    Some(LineForm::Common {
-        radius: (radius >= 0.0).then(|| metres(radius)),
-        frame,
-        rotation,
-        check,
-        kind: reader.u8(),
-    })
-}
-
-fn write_line(LineMove { target, pace, form }: &LineMove, writer: &mut Writer) {
-    for (i, component) in target.iter().enumerate() {
-        let value = component.map(|value| if i < 3 { millimetres(value) } else { value as f32 });
-        writer.f32s(&[kept(value)]);
-    }
-    writer.f32s(&[millimetres(pace.speed), millimetres(pace.acceleration), pace.duration as f32]);
-    if let LineForm::Common { radius, frame, rotation, check, kind } = form {
-        writer.f32s(&[radius.map_or(-1.0, millimetres)]).u8(*frame).u8(*rotation);
-        writer.u8(check_byte(*check).unwrap_or_default()).bytes(kind.as_slice());
-    }
-}
-
-fn read_pace(reader: &mut Reader<'_>) -> Option<Pace> {
-    let [speed, acceleration, duration] = reader.f32s()?.map(f64::from);
-    Some(Pace { speed, acceleration, duration })
-}
-
-/// The pace of joints, as the wire has it.
-fn angular(pace: &Pace) -> [f32; 3] {
-    [pace.speed as f32, pace.acceleration as f32, pace.duration as f32]
-}
-
-/// Positive infinity keeps a component.
-fn given(value: f32) -> Option<f32> {
-    (value != f32::INFINITY).then_some(value)
-}
-
-fn kept(component: Option<f32>) -> f32 {
-    component.unwrap_or(f32::INFINITY)
-}
-
-const fn check_byte(check: Check) -> Option<u8> {
-    match check {
-        Check::Absent => None,
-        Check::Move => Some(0),
-        Check::Only => Some(1),
-    }
-}
-
-const fn check_of(byte: u8) -> Check {
-    if byte == 0 { Check::Move } else { Check::Only }
 }

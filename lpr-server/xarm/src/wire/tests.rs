@@ -169,8 +169,8 @@ fn feedback_is_the_bytes_that_the_vendors_client_takes() {
     );
 }
 
-fn motion(state: State, joints: [f32; DOF], pose: TcpPose) -> Motion {
-    Motion {
+fn arm(state: State, joints: [f32; DOF], pose: TcpPose) -> ArmReading {
+    ArmReading {
         state,
         mode: Mode::SERVO,
         queued: 3,
@@ -343,7 +343,7 @@ fn report() -> impl Strategy<Value = Report> {
         length(),
     );
     parts.prop_map(|(kind, state, joints, pose, error, tcp_speed)| {
-        let (motion, health) = (motion(state, joints, pose), health(error));
+        let (arm, health) = (arm(state, joints, pose), health(error));
         match kind {
             ReportKind::Fast => Report::Fast(FastReport {
                 micros: u64::from(error) << 40,
@@ -357,13 +357,13 @@ fn report() -> impl Strategy<Value = Report> {
                 axis_angle: [0.1, 0.2, 0.3],
             }),
             ReportKind::Realtime => Report::Realtime(RealtimeReport {
-                motion,
+                arm,
                 external_force: [1.0; 6],
                 raw_force: [-1.0; 6],
             }),
-            ReportKind::Normal => Report::Normal(NormalReport { motion, health }),
+            ReportKind::Normal => Report::Normal(NormalReport { arm, health }),
             ReportKind::Rich => Report::Rich(Box::new(RichReport {
-                motion,
+                arm,
                 health,
                 firmware: "v2.5.0".to_owned(),
                 tcp_limits: [1.0, 2.0, 50.0, 0.5, 1.0],
@@ -441,13 +441,13 @@ fn a_report_of_a_joint_that_is_no_number_is_an_error() {
     let mut joints = [0.0; DOF];
     joints[3] = f32::NAN;
     let report = Report::Realtime(RealtimeReport {
-        motion: motion(State::Ready, joints, pose),
+        arm: arm(State::Ready, joints, pose),
         external_force: [0.0; 6],
         raw_force: [0.0; 6],
     });
     let mut reader = ReportReader::new(ReportKind::Realtime);
     reader.push(&report.encode());
-    assert_eq!(reader.next_report(), Err(WireError::NotFinite("a reported joint angle")));
+    assert_eq!(reader.next_report(), Err(WireError::NotFinite("reported joint angle")));
 }
 
 /// Bytes of every kind of frame, to be damaged.
@@ -482,8 +482,8 @@ fn damaged_frames_are_refused_or_read_and_never_panic() {
 fn damaged_reports_are_refused_or_read_and_never_panic() {
     let rng = &mut stream(1, Stream::Noise, 1);
     let pose = TcpPose { position: [0.0; 3], rpy: [0.0; 3] };
-    let motion = motion(State::Ready, [0.0; DOF], pose);
-    let report = Report::Normal(NormalReport { motion, health: health(0) }).encode();
+    let arm = arm(State::Ready, [0.0; DOF], pose);
+    let report = Report::Normal(NormalReport { arm, health: health(0) }).encode();
     for _ in 0..100_000 {
         let mut bytes = report.clone();
         for _ in 0..rng.random_range(1..4) {

@@ -1,8 +1,8 @@
-//! Which motions the controller puts into its queue, and what it says of the others.
+//! Which motions the controller puts into its queue, and how it refuses the others.
 
-use super::super::motion::{Origin, Task, TaskKind, joint_motion, line_motion};
 use super::{Controller, ERROR_JOINT_LIMIT};
-use crate::xarm::wire::{
+use crate::emulator::motion::{Origin, Task, TaskKind, joint_motion, line_motion};
+use crate::wire::{
     Answer, Check, FeedbackCode, FeedbackKind, JointMove, LineForm, LineMove, Mode, Pace, Request,
     State, TcpPose, register,
 };
@@ -18,7 +18,7 @@ const WARNING_QUEUE_FULL: u8 = 11;
 impl Controller {
     /// Where the arm will be when the queue is done.
     fn planned(&self) -> JointConfig {
-        self.queue.goal().unwrap_or(self.joints)
+        self.queue.goal().unwrap_or(self.setpoint)
     }
 
     pub(super) fn queue_motion(&mut self, request: &Request, origin: Origin) -> Option<Answer> {
@@ -128,7 +128,7 @@ impl Controller {
 enum PlanError {
     /// Numbers that are none, or a form of motion that is not emulated.
     Malformed,
-    /// What a controller stops with.
+    /// Number of the error that a controller stops with.
     Code(u8),
 }
 

@@ -1,32 +1,33 @@
-//! What the controller reports of itself.
+//! Reports of the controller of itself.
 
 use super::Controller;
-use crate::xarm::wire::{
-    FastReport, Health, Motion, NormalReport, Power, RealtimeReport, Report, ReportKind, RichReport,
+use crate::wire::{
+    ArmReading, FastReport, Health, NormalReport, Power, RealtimeReport, Report, ReportKind,
+    RichReport,
 };
 use lpr_core::glamx::DPose3;
 use lpr_core::robot::{DOF, JointConfig, XARM7};
 
 impl Controller {
-    /// What the controller reports at this moment.
-    pub(in super::super) fn report(&self, kind: ReportKind) -> Report {
-        let motion = Motion {
+    /// The report of this moment.
+    pub(in crate::emulator) fn report(&self, kind: ReportKind) -> Report {
+        let arm = ArmReading {
             state: self.state,
             mode: self.mode,
             queued: self.queue.len() as u16,
-            joints: self.joints,
+            joints: self.world.joints(),
             pose: self.tcp(),
             torques: [0.0; DOF],
         };
         match kind {
             ReportKind::Fast => Report::Fast(self.fast_report()),
             ReportKind::Realtime => Report::Realtime(RealtimeReport {
-                motion,
+                arm,
                 external_force: [0.0; 6],
                 raw_force: [0.0; 6],
             }),
-            ReportKind::Normal => Report::Normal(NormalReport { motion, health: self.health() }),
-            ReportKind::Rich => Report::Rich(Box::new(self.rich_report(motion))),
+            ReportKind::Normal => Report::Normal(NormalReport { arm, health: self.health() }),
+            ReportKind::Rich => Report::Rich(Box::new(self.rich_report(arm))),
         }
     }
 
@@ -38,8 +39,8 @@ impl Controller {
             state: self.state,
             mode: self.mode,
             queued: self.queue.len() as u16,
-            target: self.servo_target.unwrap_or(self.joints),
-            joints: self.joints,
+            target: self.servo_target.unwrap_or(self.setpoint),
+            joints: self.world.joints(),
             joint_speeds: self.speeds,
             position: tcp.translation.to_array(),
             axis_angle: (axis * angle).as_vec3().to_array(),
@@ -63,9 +64,9 @@ impl Controller {
     }
 
     /// Limits as the vendor's documents give them.
-    fn rich_report(&self, motion: Motion) -> RichReport {
+    fn rich_report(&self, arm: ArmReading) -> RichReport {
         RichReport {
-            motion,
+            arm,
             health: self.health(),
             firmware: format!("v{}", self.firmware),
             tcp_limits: [100.0, 0.001, 50.0, 0.0001, 1.0],
@@ -79,8 +80,8 @@ impl Controller {
     fn tcp_speed(&self) -> f64 {
         /// Seconds over which the velocity is a difference.
         const STEP: f64 = 1e-3;
-        let after =
-            JointConfig(core::array::from_fn(|j| self.joints[j] + self.speeds[j] * STEP as f32));
-        (XARM7.flange(&after).translation - XARM7.flange(&self.joints).translation).length() / STEP
+        let joints = self.world.joints();
+        let after = JointConfig(core::array::from_fn(|j| joints[j] + self.speeds[j] * STEP as f32));
+        (XARM7.flange(&after).translation - XARM7.flange(&joints).translation).length() / STEP
     }
 }
