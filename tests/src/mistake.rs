@@ -1,4 +1,4 @@
-//! One mistake in a valid file: what tests of parsers make, here and in `lpr-server`.
+//! One mistake in a valid file, for tests of parsers in all crates.
 
 use core::ops::Range;
 use proptest::prelude::*;
@@ -24,7 +24,7 @@ const NO_NUMBERS: [&str; 14] = [
 
 /// One mistake.
 #[derive(Debug, Clone)]
-pub(crate) enum Mistake {
+pub enum Mistake {
     /// The file ends too early.
     Cut(Index),
     /// A byte is another.
@@ -38,7 +38,7 @@ pub(crate) enum Mistake {
 }
 
 /// Any mistake.
-pub(crate) fn mistake() -> impl Strategy<Value = Mistake> {
+pub fn mistake() -> impl Strategy<Value = Mistake> {
     let anywhere = any::<Index>;
     prop_oneof![
         anywhere().prop_map(Mistake::Cut),
@@ -50,9 +50,13 @@ pub(crate) fn mistake() -> impl Strategy<Value = Mistake> {
 }
 
 impl Mistake {
-    /// The file, which is not empty, with the mistake; a number that it does not have would have
-    /// stood at its beginning.
-    pub(crate) fn made_in(&self, file: &[u8]) -> Vec<u8> {
+    /// The file with the mistake; a number that it does not have would have stood at its beginning.
+    ///
+    /// # Panics
+    ///
+    /// When the file is empty.
+    #[must_use]
+    pub fn made_in(&self, file: &[u8]) -> Vec<u8> {
         let replaced =
             |part: Range<usize>, by: &[u8]| [&file[..part.start], by, &file[part.end..]].concat();
         match self {

@@ -2,99 +2,65 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+use crate::lpr::{Folder, command, refusal, silent_json, table, text};
 use serde_json::{Value, json};
-use std::path::{Path, PathBuf};
-use std::process::Command;
-
-struct Run {
-    status: i32,
-    stdout: String,
-    stderr: String,
-}
-
-fn lpr(arguments: &[&str]) -> Run {
-    let output = Command::new(env!("CARGO_BIN_EXE_lpr")).args(arguments).output().unwrap();
-    Run {
-        status: output.status.code().unwrap(),
-        stdout: String::from_utf8(output.stdout).unwrap(),
-        stderr: String::from_utf8(output.stderr).unwrap(),
-    }
-}
-
-/// The one JSON object that a successful command prints.
-fn lpr_json(arguments: &[&str]) -> Value {
-    let run = lpr(&[arguments, &["--json"]].concat());
-    assert_eq!((run.status, run.stderr.as_str()), (0, ""), "{arguments:?}");
-    let value: Value = serde_json::from_str(&run.stdout).unwrap();
-    assert!(value.is_object());
-    value
-}
-
-/// The one line that a failing command prints, without `error: `.
-#[track_caller]
-fn lpr_error(arguments: &[&str], status: i32) -> String {
-    let run = lpr(arguments);
-    assert_eq!((run.status, run.stdout.as_str()), (status, ""), "{arguments:?}: {}", run.stderr);
-    assert_eq!(run.stderr.lines().count(), 1, "{}", run.stderr);
-    run.stderr.trim_end().strip_prefix("error: ").unwrap().to_owned()
-}
 
 /// A directory with one JSON file.
 struct Input {
-    _directory: tempfile::TempDir,
-    path: PathBuf,
+    _folder: Folder,
+    path: String,
 }
 
 impl Input {
     fn new(content: &Value) -> Self {
-        let directory = tempfile::tempdir().unwrap();
-        let path = directory.path().join("input.json");
-        std::fs::write(&path, content.to_string()).unwrap();
-        Self { _directory: directory, path }
+        let folder = Folder::new();
+        let path = folder.write("input.json", content.to_string());
+        Self { _folder: folder, path }
     }
 
     fn path(&self) -> &str {
-        utf8(&self.path)
+        &self.path
     }
-}
-
-fn utf8(path: &Path) -> &str {
-    path.to_str().unwrap()
 }
 
 fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().unwrap().iter().map(|number| number.as_f64().unwrap()).collect()
 }
 
+/// Standard output of a successful command that leaves standard error alone.
+#[track_caller]
+fn printed(arguments: &[&str]) -> String {
+    let output = command(arguments).output().unwrap();
+    assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), String::new()));
+    text(&output.stdout)
+}
+
 #[test]
 fn without_arguments_five_lines_say_what_to_try() {
-    let run = lpr(&[]);
-    assert_eq!((run.status, run.stdout.lines().count(), run.stderr.as_str()), (0, 5, ""));
+    assert_eq!(printed(&[]).lines().count(), 5);
 }
 
 #[test]
 fn help_and_version_are_no_failures() {
     for arguments in [["--help"], ["--version"], ["help"]] {
-        let run = lpr(&arguments);
-        assert_eq!((run.status, run.stderr.as_str()), (0, ""));
-        assert!(run.stdout.contains("lpr"));
+        assert!(printed(&arguments).contains("lpr"));
     }
 }
 
 #[test]
 fn wrong_usage_is_status_2_and_names_the_argument() {
-    assert!(lpr_error(&["fly"], 2).contains("'fly'"));
-    assert!(lpr_error(&["fk"], 2).contains("--configs <FILE>"));
-    assert!(lpr_error(&["robots", "--jsno"], 2).contains("'--jsno'"));
-    let unknown_robot = lpr_error(&["fk", "--robot", "ur5", "--configs", "x.json"], 2);
+    assert!(refusal(&["fly"], 2).contains("'fly'"));
+    assert!(refusal(&["fk"], 2).contains("--configs <FILE>"));
+    assert!(refusal(&["robots", "--jsno"], 2).contains("'--jsno'"));
+    let unknown_robot = refusal(&["fk", "--robot", "ur5", "--configs", "x.json"], 2);
     assert!(unknown_robot.contains("unknown robot 'ur5', known: xarm7, panda"), "{unknown_robot}");
-    let no_solutions = lpr_error(&["ik", "--poses", "x.json", "--solutions", "0"], 2);
+    let no_solutions = refusal(&["ik", "--poses", "x.json", "--solutions", "0"], 2);
     assert!(no_solutions.contains("0 is not in 1..=1000"), "{no_solutions}");
 }
 
 #[test]
 fn a_missing_file_is_status_1_and_named() {
-    let error = lpr_error(&["fk", "--configs", "no/such/file.json"], 1);
+    let error = refusal(&["fk", "--configs", "no/such/file.json"], 1);
     assert!(error.starts_with("no/such/file.json: cannot read: "), "{error}");
 }
 
@@ -102,7 +68,7 @@ fn a_missing_file_is_status_1_and_named() {
 fn a_malformed_file_is_named_with_its_field() {
     let refusal = |command: &str, option: &str, content: Value| {
         let input = Input::new(&content);
-        let error = lpr_error(&[command, option, input.path()], 1);
+        let error = refusal(&[command, option, input.path()], 1);
         error.strip_prefix(&format!("{}: ", input.path())).unwrap().to_owned()
     };
     let error =
@@ -126,7 +92,7 @@ fn a_malformed_file_is_named_with_its_field() {
 
 #[test]
 fn robots_lists_limits_in_order() {
-    let robots = &lpr_json(&["robots"])["robots"];
+    let robots = &silent_json(&["robots"])["robots"];
     let names: Vec<_> =
         robots.as_array().unwrap().iter().map(|robot| robot["name"].as_str().unwrap()).collect();
     assert_eq!(names, ["xarm7", "panda"]);
@@ -135,7 +101,7 @@ fn robots_lists_limits_in_order() {
         assert_eq!(robot["dof"], limits.len());
         assert!(limits.iter().map(numbers).all(|limit| limit[0] < limit[1]));
     }
-    assert!(lpr(&["robots"]).stdout.contains("panda"));
+    assert!(table(&["robots"]).contains("panda"));
 }
 
 /// Configurations within the limits of both arms, away from their ends.
@@ -149,7 +115,7 @@ fn test_configs() -> Vec<[f64; 7]> {
 
 fn flange_poses(robot: &str, configs: &Value) -> Value {
     let input = Input::new(&json!({"configs": configs}));
-    lpr_json(&["fk", "--robot", robot, "--configs", input.path()])["poses"].clone()
+    silent_json(&["fk", "--robot", robot, "--configs", input.path()])["poses"].clone()
 }
 
 /// Farthest apart of two poses in position (metres) and quaternion.
@@ -184,7 +150,7 @@ fn every_ik_solution_leads_back_to_its_pose() {
         };
         let poses = flange_poses(robot, &configs);
         let input = Input::new(&json!({"poses": poses}));
-        let results = lpr_json(&[
+        let results = silent_json(&[
             "ik",
             "--robot",
             robot,
@@ -213,7 +179,8 @@ fn a_seed_config_that_solves_the_pose_is_the_solution() {
         pose["seed_config"] = json!(config);
     }
     let input = Input::new(&json!({"poses": poses}));
-    let results = lpr_json(&["ik", "--robot", "panda", "--poses", input.path()])["results"].clone();
+    let results =
+        silent_json(&["ik", "--robot", "panda", "--poses", input.path()])["results"].clone();
     for (result, config) in results.as_array().unwrap().iter().zip(configs) {
         let solution = numbers(&result["solutions"][0]);
         assert!(
@@ -229,7 +196,8 @@ fn an_unreachable_pose_is_a_result_with_a_reason() {
     let input = Input::new(&json!({"poses": [pose(5.0), pose(1e300)]}));
     for solutions in ["1", "3"] {
         let results =
-            lpr_json(&["ik", "--poses", input.path(), "--solutions", solutions])["results"].clone();
+            silent_json(&["ik", "--poses", input.path(), "--solutions", solutions])["results"]
+                .clone();
         for result in results.as_array().unwrap() {
             assert_eq!(
                 (&result["solutions"], &result["reason"]),
@@ -237,7 +205,7 @@ fn an_unreachable_pose_is_a_result_with_a_reason() {
             );
         }
     }
-    assert!(lpr(&["ik", "--poses", input.path()]).stdout.contains("unreachable"));
+    assert!(table(&["ik", "--poses", input.path()]).contains("unreachable"));
 }
 
 #[test]
@@ -246,8 +214,8 @@ fn the_same_seed_gives_the_same_solutions() {
         &json!({"poses": flange_poses("xarm7", &json!([[0.1, 0.2, 0.3, 1.0, 0.1, 1.0, 0.2]]))}),
     );
     let solve = |seed: &str| {
-        lpr_json(&["ik", "--poses", input.path(), "--solutions", "4", "--seed", seed])["results"][0]
-            ["solutions"]
+        silent_json(&["ik", "--poses", input.path(), "--solutions", "4", "--seed", seed])["results"]
+            [0]["solutions"]
             .clone()
     };
     assert_eq!(solve("7"), solve("7"));

@@ -2,33 +2,9 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+use crate::lpr::{command, refusal, silent_json, table};
 use serde_json::{Value, json};
 use std::path::Path;
-use std::process::Command;
-
-/// Exit status, standard output and standard error.
-fn lpr(arguments: &[&str]) -> (i32, String, String) {
-    let output = Command::new(env!("CARGO_BIN_EXE_lpr")).args(arguments).output().unwrap();
-    let text = |bytes| String::from_utf8(bytes).unwrap();
-    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
-}
-
-/// The one JSON object that a successful command prints.
-#[track_caller]
-fn lpr_json(arguments: &[&str]) -> Value {
-    let (status, stdout, stderr) = lpr(&[arguments, &["--json"]].concat());
-    assert_eq!((status, stderr.as_str()), (0, ""), "{arguments:?}");
-    serde_json::from_str(&stdout).unwrap()
-}
-
-/// The one line that a failing command prints, without `error: `.
-#[track_caller]
-fn lpr_error(arguments: &[&str], expected_status: i32) -> String {
-    let (status, stdout, stderr) = lpr(arguments);
-    assert_eq!((status, stdout.as_str()), (expected_status, ""), "{arguments:?}: {stderr}");
-    assert_eq!(stderr.lines().count(), 1, "{stderr}");
-    stderr.trim_end().strip_prefix("error: ").unwrap().to_owned()
-}
 
 fn utf8(path: &Path) -> &str {
     path.to_str().unwrap()
@@ -45,7 +21,7 @@ fn names(directory: &Path) -> Vec<String> {
 
 #[test]
 fn tasks_are_listed_with_their_set_and_keyframes() {
-    let tasks = &lpr_json(&["tasks"])["tasks"];
+    let tasks = &silent_json(&["tasks"])["tasks"];
     let rows: Vec<_> = tasks
         .as_array()
         .unwrap()
@@ -61,7 +37,7 @@ fn tasks_are_listed_with_their_set_and_keyframes() {
             .iter()
             .all(|task| !task["description"].as_str().unwrap().is_empty())
     );
-    assert!(lpr(&["tasks"]).1.contains("open_drawer"));
+    assert!(table(&["tasks"]).contains("open_drawer"));
 }
 
 #[test]
@@ -69,7 +45,7 @@ fn both_arms_do_every_task_by_script_and_with_quantised_keyframes() {
     for task in ["reach_target", "take_lid_off_saucepan", "open_drawer", "toilet_seat_up"] {
         for robot in ["xarm7", "panda"] {
             for quantised in [&[][..], &["--quantised"]] {
-                let report = lpr_json(
+                let report = silent_json(
                     &[&["demo", task, "--robot", robot, "--episodes", "6"], quantised].concat(),
                 );
                 assert_eq!(
@@ -91,7 +67,7 @@ fn demonstrations_are_written_whole_and_never_over_others() {
     let root = tempfile::tempdir().unwrap();
     let out = root.path().join("demos");
     let arguments = ["demo", "reach_target", "--episodes", "2", "--seed", "7", "--out", utf8(&out)];
-    assert_eq!(lpr_json(&arguments)["successes"], 2);
+    assert_eq!(silent_json(&arguments)["successes"], 2);
     assert_eq!(
         names(&out),
         ["reach_target-xarm7-7.demo.json.gz", "reach_target-xarm7-8.demo.json.gz"]
@@ -111,11 +87,11 @@ fn demonstrations_are_written_whole_and_never_over_others() {
             .fold(0.0, f32::max);
         assert!(error < 1e-5, "{error}");
     }
-    let error = lpr_error(&arguments, 1);
+    let error = refusal(&arguments, 1);
     assert!(error.starts_with(utf8(&out)) && error.contains("is not empty"), "{error}");
     let file = out.join("reach_target-xarm7-7.demo.json.gz");
     assert!(
-        lpr_error(&["demo", "reach_target", "--out", utf8(&file.join("x"))], 1)
+        refusal(&["demo", "reach_target", "--out", utf8(&file.join("x"))], 1)
             .starts_with(utf8(&file))
     );
 }
@@ -123,8 +99,8 @@ fn demonstrations_are_written_whole_and_never_over_others() {
 #[test]
 fn candidates_are_listed_and_executed_from_snapshots() {
     let arguments = ["paths", "take_lid_off_saucepan", "--keyframe", "all", "--seed", "3"];
-    let drawn = lpr_json(&arguments);
-    let executed = lpr_json(&[&arguments[..], &["--execute"]].concat());
+    let drawn = silent_json(&arguments);
+    let executed = silent_json(&[&arguments[..], &["--execute"]].concat());
     let rows = |report: &Value| report["candidates"].as_array().unwrap().clone();
     assert_eq!(rows(&drawn).len(), rows(&executed).len());
     for (drawn, executed) in rows(&drawn).iter().zip(rows(&executed)) {
@@ -151,7 +127,7 @@ fn candidates_are_listed_and_executed_from_snapshots() {
     }
     assert!(executed["summary"]["best_of_all"].as_f64() > Some(0.0));
     assert_eq!(executed["keyframes"].as_array().unwrap().len(), 3);
-    assert!(lpr(&arguments).1.contains("best-of-all"));
+    assert!(table(&arguments).contains("best-of-all"));
 }
 
 /// The box's lid turns about a hinge, and the grip with it.
@@ -159,7 +135,7 @@ fn candidates_are_listed_and_executed_from_snapshots() {
 fn a_screw_motion_that_is_asked_for_opens_the_box() {
     let arguments = ["paths", "open_box", "--keyframe", "2", "--execute"];
     let (without, with) =
-        (lpr_json(&arguments), lpr_json(&[&arguments[..], &["--screw"]].concat()));
+        (silent_json(&arguments), silent_json(&[&arguments[..], &["--screw"]].concat()));
     assert_eq!(with["summary"]["screw"], json!({"drawn": 1, "admitted": 1, "successes": 1}));
     assert_eq!(with["keyframes"][0]["screw"], 1.0);
     assert!(
@@ -170,18 +146,14 @@ fn a_screw_motion_that_is_asked_for_opens_the_box() {
         rows.filter(|row| row["source"] != "screw").cloned().collect::<Vec<_>>()
     };
     assert_eq!(others(&with), others(&without));
-    assert!(lpr(&[&arguments[..], &["--screw"]].concat()).1.contains("screw"));
+    assert!(table(&[&arguments[..], &["--screw"]].concat()).contains("screw"));
 }
 
 #[test]
 fn the_same_seed_gives_the_same_candidates_with_any_thread_count() {
     let output = |threads: &str| {
         let arguments = ["paths", "open_drawer", "--keyframe", "2", "--execute", "--json"];
-        Command::new(env!("CARGO_BIN_EXE_lpr"))
-            .args(arguments)
-            .env("RAYON_NUM_THREADS", threads)
-            .output()
-            .unwrap()
+        command(&arguments).env("RAYON_NUM_THREADS", threads).output().unwrap()
     };
     let (one, three) = (output("1"), output("3"));
     assert!(one.status.success() && one.stdout == three.stdout);
@@ -193,8 +165,9 @@ fn pictures_have_the_size_that_is_printed() {
     let picture = root.path().join("scene.png");
     let options =
         ["--camera", "beauty", "--size", "160x90", "--candidates", "outcome", "--keyframe", "2"];
-    let report =
-        lpr_json(&[&["render", "toilet_seat_up", "--out", utf8(&picture)][..], &options].concat());
+    let report = silent_json(
+        &[&["render", "toilet_seat_up", "--out", utf8(&picture)][..], &options].concat(),
+    );
     assert_eq!(report, json!({"file": utf8(&picture), "width": 160, "height": 90}));
     let decoder =
         png::Decoder::new(std::io::BufReader::new(std::fs::File::open(&picture).unwrap()));
@@ -203,7 +176,7 @@ fn pictures_have_the_size_that_is_printed() {
     let animation = root.path().join("demo.gif");
     let options = ["--demo", "--candidates", "--size", "64x48", "--out"];
     let report =
-        lpr_json(&[&["render", "reach_target"][..], &options, &[utf8(&animation)]].concat());
+        silent_json(&[&["render", "reach_target"][..], &options, &[utf8(&animation)]].concat());
     let mut decoder =
         gif::DecodeOptions::new().read_info(std::fs::File::open(&animation).unwrap()).unwrap();
     let mut frames = 0;
@@ -219,55 +192,54 @@ fn pictures_have_the_size_that_is_printed() {
 
 #[test]
 fn wrong_usage_names_what_would_be_right() {
-    let error = lpr_error(&["demo", "make_coffee"], 2);
+    let error = refusal(&["demo", "make_coffee"], 2);
     assert!(error.contains("unknown task 'make_coffee', known: reach_target"), "{error}");
     assert!(
-        lpr_error(&["demo", "reach_target", "--robot", "ur5"], 2).contains("known: xarm7, panda")
+        refusal(&["demo", "reach_target", "--robot", "ur5"], 2).contains("known: xarm7, panda")
     );
-    assert!(lpr_error(&["demo", "reach_target", "--episodes", "0"], 2).contains("0 is not in 1.."));
+    assert!(refusal(&["demo", "reach_target", "--episodes", "0"], 2).contains("0 is not in 1.."));
     assert!(
-        lpr_error(&["paths", "reach_target", "--keyframe", "first"], 2)
+        refusal(&["paths", "reach_target", "--keyframe", "first"], 2)
             .contains("a number from 0 or 'all'")
     );
     assert!(
-        lpr_error(&["paths", "reach_target", "--keyframe", "1"], 2)
+        refusal(&["paths", "reach_target", "--keyframe", "1"], 2)
             .contains("keyframes of reach_target are 0 to 0")
     );
-    assert!(lpr_error(&["paths", "reach_target", "--sigma", "NaN"], 1).contains("bezier.sigma"));
+    assert!(refusal(&["paths", "reach_target", "--sigma", "NaN"], 1).contains("bezier.sigma"));
     assert!(
-        lpr_error(&["paths", "reach_target", "--collision-free-fraction", "2"], 1)
-            .contains("0 to 1")
+        refusal(&["paths", "reach_target", "--collision-free-fraction", "2"], 1).contains("0 to 1")
     );
     assert!(
-        lpr_error(&["paths", "reach_target", "--abort-force", "0"], 2).contains("newtons above 0")
+        refusal(&["paths", "reach_target", "--abort-force", "0"], 2).contains("newtons above 0")
     );
     assert!(
-        lpr_error(&["paths", "reach_target", "--friction-scale", "NaN"], 2)
+        refusal(&["paths", "reach_target", "--friction-scale", "NaN"], 2)
             .contains("a number from 0")
     );
     assert!(
-        lpr_error(&["placements", "reach_target", "--scenes", "0"], 2).contains("0 is not in 1..=")
+        refusal(&["placements", "reach_target", "--scenes", "0"], 2).contains("0 is not in 1..=")
     );
-    let error = lpr_error(&["demo", "open_drawer", "--variation", "3"], 1);
+    let error = refusal(&["demo", "open_drawer", "--variation", "3"], 1);
     assert!(error.contains("task 'open_drawer' has no variation 3: 0 to 2"), "{error}");
-    let error = lpr_error(&["render", "reach_target", "--camera", "rear", "--out", "a.png"], 2);
+    let error = refusal(&["render", "reach_target", "--camera", "rear", "--out", "a.png"], 2);
     assert!(error.contains("unknown camera 'rear', known: front"), "{error}");
-    assert!(lpr_error(&["render", "reach_target", "--out", "a.jpg"], 2).contains("ends in .png"));
+    assert!(refusal(&["render", "reach_target", "--out", "a.jpg"], 2).contains("ends in .png"));
     assert!(
-        lpr_error(&["render", "reach_target", "--demo", "--out", "a.png"], 2)
+        refusal(&["render", "reach_target", "--demo", "--out", "a.png"], 2)
             .contains("ends in .gif")
     );
     assert!(
-        lpr_error(&["render", "reach_target", "--size", "0x9", "--out", "a.png"], 2)
+        refusal(&["render", "reach_target", "--size", "0x9", "--out", "a.png"], 2)
             .contains("WIDTHxHEIGHT")
     );
-    let error = lpr_error(&["render", "reach_target", "--out", "no/such/directory/a.png"], 1);
+    let error = refusal(&["render", "reach_target", "--out", "no/such/directory/a.png"], 1);
     assert!(error.starts_with("no/such/directory/a.png: cannot write"), "{error}");
 }
 
 #[test]
 fn placements_count_what_was_rejected_and_what_was_covered() {
-    let report = lpr_json(&["placements", "open_drawer", "--scenes", "40", "--robot", "panda"]);
+    let report = silent_json(&["placements", "open_drawer", "--scenes", "40", "--robot", "panda"]);
     let number = |key: &str| report[key].as_f64().unwrap();
     assert_eq!((number("scenes"), number("unplaced")), (40.0, 0.0));
     assert!(
@@ -280,13 +252,13 @@ fn placements_count_what_was_rejected_and_what_was_covered() {
     let [x, y] =
         [0, 1].map(|axis| [0, 1].map(|end| report["range_m"][axis][end].as_f64().unwrap()));
     assert!(0.46 <= x[0] && x[1] <= 0.58 && -0.44 <= y[0] && y[1] <= -0.20, "{report}");
-    let fixed = lpr_json(&["placements", "open_dishwasher", "--scenes", "5"]);
+    let fixed = silent_json(&["placements", "open_dishwasher", "--scenes", "5"]);
     assert_eq!((&fixed["cells"]["hit"], &fixed["cells"]["feasible"]), (&json!(1), &json!(1)));
 }
 
 #[test]
 fn another_variation_is_demonstrated_and_held_by_friction() {
-    let report = lpr_json(&[
+    let report = silent_json(&[
         "demo",
         "open_drawer",
         "--variation",
@@ -297,7 +269,7 @@ fn another_variation_is_demonstrated_and_held_by_friction() {
         "2",
     ]);
     assert_eq!((&report["variation"], &report["successes"]), (&json!(2), &json!(2)));
-    let report = lpr_json(&["demo", "pick_and_lift", "--friction-grasps", "--episodes", "2"]);
+    let report = silent_json(&["demo", "pick_and_lift", "--friction-grasps", "--episodes", "2"]);
     assert_eq!((&report["friction_grasps"], &report["successes"]), (&json!(true), &json!(2)));
 }
 
@@ -326,14 +298,14 @@ fn recorded_episode(directory: &Path) -> std::path::PathBuf {
 fn an_episode_file_runs_again_and_is_drawn() {
     let root = tempfile::tempdir().unwrap();
     let file = recorded_episode(root.path());
-    let report = lpr_json(&["replay", utf8(&file)]);
+    let report = silent_json(&["replay", utf8(&file)]);
     assert_eq!(
         (&report["identical"], &report["task"]),
         (&json!(true), &json!("take_lid_off_saucepan"))
     );
     assert_eq!(report["world_hash"].as_str().unwrap().len(), 16);
     let animation = root.path().join("lid.gif");
-    let report = lpr_json(&[
+    let report = silent_json(&[
         "render",
         "--episode",
         utf8(&file),
@@ -344,23 +316,23 @@ fn an_episode_file_runs_again_and_is_drawn() {
     ]);
     assert!(report["frames"].as_u64().unwrap() > 5 && animation.exists());
     assert!(
-        lpr_error(&["render", "--episode", utf8(&file), "--out", "a.png"], 2)
+        refusal(&["render", "--episode", utf8(&file), "--out", "a.png"], 2)
             .contains("ends in .gif")
     );
-    assert!(lpr_error(&["render", "--out", "a.png"], 2).contains("<TASK>"));
-    assert_eq!(lpr(&["render", "reach_target", "--episode", utf8(&file), "--out", "a.gif"]).0, 2);
+    assert!(refusal(&["render", "--out", "a.png"], 2).contains("<TASK>"));
+    refusal(&["render", "reach_target", "--episode", utf8(&file), "--out", "a.gif"], 2);
     std::fs::write(&file, b"{}").unwrap();
     for arguments in [
         &["replay", utf8(&file)][..],
         &["render", "--episode", utf8(&file), "--out", utf8(&animation)],
     ] {
-        assert!(lpr_error(arguments, 1).starts_with(utf8(&file)));
+        assert!(refusal(arguments, 1).starts_with(utf8(&file)));
     }
 }
 
 #[test]
 fn benchmarks_have_their_names_and_threads() {
-    let report = lpr_json(&["bench", "planning", "--threads", "1"]);
+    let report = silent_json(&["bench", "planning", "--threads", "1"]);
     let rows = report["results"].as_array().unwrap();
     let names: Vec<_> = rows.iter().map(|row| row["name"].as_str().unwrap()).collect();
     let kinematics =
@@ -379,8 +351,8 @@ fn benchmarks_have_their_names_and_threads() {
         assert!(row["min_ms"].as_f64() <= row["median_ms"].as_f64(), "{row}");
     }
     assert!(
-        lpr_error(&["bench", "coffee"], 2)
+        refusal(&["bench", "coffee"], 2)
             .contains("networks, simulation, resets, planning, candidates")
     );
-    assert!(lpr_error(&["bench", "planning", "--threads", "0"], 2).contains("1..=1024"));
+    assert!(refusal(&["bench", "planning", "--threads", "0"], 2).contains("1..=1024"));
 }

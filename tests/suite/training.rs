@@ -2,32 +2,9 @@
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-use serde_json::{Value, json};
+use crate::lpr::{command, json, refusal, text};
+use serde_json::{Value, json as value};
 use std::path::{Path, PathBuf};
-use std::process::Command;
-
-/// Exit status, standard output and standard error.
-fn lpr(arguments: &[&str]) -> (i32, String, String) {
-    let output = Command::new(env!("CARGO_BIN_EXE_lpr")).args(arguments).output().unwrap();
-    let text = |bytes| String::from_utf8(bytes).unwrap();
-    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
-}
-
-#[track_caller]
-fn lpr_json(arguments: &[&str]) -> (Value, String) {
-    let (status, stdout, stderr) = lpr(&[arguments, &["--json"]].concat());
-    assert_eq!(status, 0, "{arguments:?}: {stderr}");
-    (serde_json::from_str(&stdout).unwrap(), stderr)
-}
-
-/// The one line that a failing command prints.
-#[track_caller]
-fn lpr_error(arguments: &[&str], expected_status: i32) -> String {
-    let (status, stdout, stderr) = lpr(arguments);
-    assert_eq!((status, stdout.as_str()), (expected_status, ""), "{arguments:?}: {stderr}");
-    assert_eq!(stderr.lines().count(), 1, "{stderr}");
-    stderr
-}
 
 fn utf8(path: &Path) -> &str {
     path.to_str().unwrap()
@@ -51,7 +28,7 @@ fn a_run_learns_from_files_and_leaves_what_its_readers_need() {
     let root = tempfile::tempdir().unwrap();
     let (demos, run, preset) =
         (root.path().join("demos"), root.path().join("run"), small_preset(root.path()));
-    lpr_json(&["demo", "reach_target", "--episodes", "2", "--seed", "70", "--out", utf8(&demos)]);
+    json(&["demo", "reach_target", "--episodes", "2", "--seed", "70", "--out", utf8(&demos)]);
     let arguments = [
         "train",
         "reach_target",
@@ -62,8 +39,10 @@ fn a_run_learns_from_files_and_leaves_what_its_readers_need() {
         utf8(&demos),
     ];
     let options = ["--cameras", "front,overhead", "--env-steps", "4", "--out", utf8(&run)];
-    let (report, stderr) = lpr_json(&[&arguments[..], &options].concat());
-    assert_eq!((&report["env_steps"], &report["stopped_by"]), (&json!(4), &json!("env_steps")));
+    let output = command(&[&arguments[..], &options, &["--json"]].concat()).output().unwrap();
+    let (report, stderr): (Value, _) =
+        (serde_json::from_slice(&output.stdout).unwrap(), text(&output.stderr));
+    assert_eq!((&report["env_steps"], &report["stopped_by"]), (&value!(4), &value!("env_steps")));
     assert!(
         stderr.contains("networks: ranker 0.") && stderr.contains("updates per second"),
         "{stderr}"
@@ -91,22 +70,22 @@ fn a_run_learns_from_files_and_leaves_what_its_readers_need() {
     assert!(
         run.join("episodes/00000000.gif").exists() && run.join("episodes/00000004.gif").exists()
     );
-    let (replayed, _) = lpr_json(&["replay", utf8(&episode)]);
-    assert_eq!((&replayed["identical"], &replayed["scene_seed"]), (&json!(true), &json!(1000)));
+    let replayed = json(&["replay", utf8(&episode)]);
+    assert_eq!((&replayed["identical"], &replayed["scene_seed"]), (&value!(true), &value!(1000)));
 
-    let (paths, _) = lpr_json(&["paths", "reach_target", "--checkpoint", utf8(&run)]);
+    let paths = json(&["paths", "reach_target", "--checkpoint", utf8(&run)]);
     let rows = paths["candidates"].as_array().unwrap();
     assert!(rows.iter().all(|row| row["value"].is_f64() != row["rejected"].is_string()), "{paths}");
     assert_eq!(paths["summary"]["policy"]["drawn"], 1);
     let error =
-        lpr_error(&["paths", "reach_target", "--robot", "panda", "--checkpoint", utf8(&run)], 2);
+        refusal(&["paths", "reach_target", "--robot", "panda", "--checkpoint", utf8(&run)], 2);
     assert!(error.contains("of the robot xarm7"), "{error}");
-    let (evaluated, _) = lpr_json(&["eval", utf8(&run), "--episodes", "2"]);
+    let evaluated = json(&["eval", utf8(&run), "--episodes", "2"]);
     assert_eq!(evaluated["episodes"], 2);
 
     let again = root.path().join("again");
     let preset = run.join("config.toml");
-    let error = lpr_error(
+    let error = refusal(
         &[
             "train",
             "open_drawer",
@@ -131,7 +110,7 @@ fn wrong_demonstrations_cameras_and_backends_are_refused() {
     let root = tempfile::tempdir().unwrap();
     let (demos, run) = (root.path().join("demos"), root.path().join("run"));
     let train = |options: &[&str], status| {
-        lpr_error(
+        refusal(
             &[&["train", "reach_target", "--oracle-poses", "--out", utf8(&run)], options].concat(),
             status,
         )
@@ -142,7 +121,7 @@ fn wrong_demonstrations_cameras_and_backends_are_refused() {
     std::fs::create_dir(&demos).unwrap();
     assert!(train(&["--demo-dir", utf8(&demos)], 1).contains("holds no demonstration"));
     std::fs::remove_dir(&demos).unwrap();
-    lpr_json(&["demo", "reach_target", "--episodes", "1", "--seed", "5000", "--out", utf8(&demos)]);
+    json(&["demo", "reach_target", "--episodes", "1", "--seed", "5000", "--out", utf8(&demos)]);
     assert!(train(&["--demo-dir", utf8(&demos)], 1).contains("scene_seed: 5000 is held out"));
     assert!(!run.exists());
 }
