@@ -37,7 +37,7 @@ pub fn project_files() -> Vec<PathBuf> {
     files
 }
 
-/// What `program` prints when run at the root of the workspace.
+/// Standard output of `program` when run at the root of the workspace.
 ///
 /// # Panics
 ///

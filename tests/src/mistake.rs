@@ -4,7 +4,7 @@ use core::ops::Range;
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
 
-/// What may stand where a number stood.
+/// Words that may stand where a number stood.
 const NO_NUMBERS: [&str; 14] = [
     "NaN",
     "-nan",

@@ -349,7 +349,7 @@ impl SharedReports {
             loop {
                 match reader.next_report() {
                     Ok(Some(report)) => {
-                        *self.newest() = report.arm().map(|arm| Observed { arm: *arm, at })
+                        *self.newest() = report.arm().map(|arm| Observed { arm: *arm, at });
                     }
                     Ok(None) => break,
                     Err(_) => return,

@@ -13,8 +13,6 @@ mod received;
 mod server;
 mod settings;
 mod socket;
-#[cfg(test)]
-mod tests;
 mod world;
 
 pub use fault::{Fault, FaultKind};

@@ -9,8 +9,8 @@ mod failure;
 
 pub use failure::{Cause, ExecutionError, StopOutcome};
 
-use crate::Ports;
 use crate::client::{Client, ClientError, Observed, Reports};
+use crate::ports::Ports;
 use crate::safety::{CheckedPath, START_TOLERANCE, check_start};
 use crate::wire::{
     ArmReading, Axis, Mode, Pace, Power, Reply, Request, State, StateCommand, Status,

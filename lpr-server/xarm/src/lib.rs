@@ -4,17 +4,18 @@
 //! [`lpr_core`] it has threads and sockets of the standard library, and neither networks, simulator,
 //! web server nor async runtime.
 //!
-//! A path becomes motion in one way only: [`schedule`] gives it times, [`safety::check_path`] makes
-//! the only value that [`executor::Link::execute`] takes, and whatever goes wrong while that is sent
-//! stops the arm for good. Nothing else in this crate sends a frame that enables or moves anything.
-//! Stopping the arm by a command is no safety-rated stop: the emergency button is.
+//! A path becomes motion in one way only: [`schedule`](mod@schedule) gives it times,
+//! [`safety::check_path`] makes the only value that [`executor::Link::execute`] takes, and whatever
+//! goes wrong while that is sent stops the arm for good. [`client::Client`] sends any request that
+//! it is given; the executor alone gives it one that enables or moves anything. Stopping the arm by
+//! a command is no safety-rated stop: the emergency button is.
 //!
 //! # Modules, in reading order
 //!
 //! 1. [`wire`]: frames, requests, replies and reports as bytes, both directions; the only place with
 //!    millimetres, and it has no socket.
 //! 2. [`client`]: one owner of a socket for commands, one reader of reports.
-//! 3. [`schedule`]: a time for every point of a path, slow at its corners.
+//! 3. [`schedule`](mod@schedule): a time for every point of a path, slow at its corners.
 //! 4. [`safety`]: the rules that a whole timed path keeps before the first frame is sent.
 //! 5. [`executor`]: the stream of points, and the watch on the arm while it runs.
 //! 6. [`emulator`]: a controller in real time, for tests and for the vendor's own SDK; its

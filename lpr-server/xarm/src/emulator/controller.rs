@@ -12,6 +12,8 @@
 
 mod queueing;
 mod reporting;
+#[cfg(test)]
+mod tests;
 
 use super::gripper::Gripper;
 use super::motion::{Addressed, Origin, Queue};
@@ -121,9 +123,9 @@ impl Controller {
         let before = self.world.joints();
         if matches!(self.state, State::Moving | State::Ready) {
             if self.mode == Mode::SERVO {
-                self.follow_servo(dt_secs)
+                self.follow_servo(dt_secs);
             } else {
-                self.follow_queue(dt_secs)
+                self.follow_queue(dt_secs);
             }
         }
         let setpoint = Setpoint { joints: self.setpoint, fingers: self.gripper.fingers() };
@@ -298,7 +300,7 @@ impl Controller {
     fn set_state(&mut self, command: StateCommand) {
         match command {
             StateCommand::Run if self.error == 0 && self.drives == Power::On => {
-                self.state = State::Ready
+                self.state = State::Ready;
             }
             StateCommand::Run => {}
             StateCommand::Pause if self.can_move() => self.state = State::Paused,

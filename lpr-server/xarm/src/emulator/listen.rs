@@ -3,7 +3,7 @@
 use super::received::Channel;
 use super::settings::EmulatorSettings;
 use super::socket::Listener;
-use crate::Ports;
+use crate::ports::Ports;
 use crate::wire::ReportKind;
 use std::io;
 use std::net::{IpAddr, SocketAddr, TcpListener};

@@ -8,7 +8,7 @@ use super::received::{Channel, Received};
 use super::settings::EmulatorSettings;
 use super::socket::{Listener, Socket};
 use super::world::World;
-use crate::Ports;
+use crate::ports::Ports;
 use crate::wire::{
     Answer, Frame, FrameReader, HEARTBEAT_PROTOCOL, MODBUS_PROTOCOL, Reply, Report, ReportKind,
     Request,
@@ -343,3 +343,6 @@ fn modbus_refusal(frame: &Frame) -> Frame {
     let function = frame.body.get(1).copied().unwrap_or_default();
     Frame { body: vec![unit, function | 0x80, ILLEGAL_FUNCTION], ..frame.clone() }
 }
+
+#[cfg(test)]
+mod tests;

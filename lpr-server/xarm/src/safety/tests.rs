@@ -97,7 +97,7 @@ fn a_joint_that_jolts_is_refused_also_at_the_ends() {
     ] {
         match check(&points, &LIMITS) {
             Err(SafetyError::JointAcceleration { index, joint: 7, .. }) => {
-                assert_eq!(index, at)
+                assert_eq!(index, at);
             }
             other => assert!(at == usize::MAX && other.is_ok(), "{other:?}"),
         }

@@ -1,4 +1,4 @@
-//! What the controller answers, and the feedback that it sends unasked.
+//! Replies of the controller, and the feedback that it sends unasked.
 
 use super::bytes::{Reader, Writer};
 use super::error::{Result, WireError};

@@ -164,7 +164,7 @@ impl Request {
     fn write_params(&self, writer: &mut Writer) {
         match self {
             Self::EnableMotion(axis, power) => {
-                _ = writer.u8(axis.0).u8(u8::from(*power == Power::On))
+                _ = writer.u8(axis.0).u8(u8::from(*power == Power::On));
             }
             Self::SetState(command) => _ = writer.u8(*command as u8),
             Self::SetMode(mode, detection) => _ = writer.u8(mode.0).bytes(detection.as_slice()),
@@ -185,7 +185,7 @@ impl Request {
             Self::GetFk(joints) | Self::IsJointLimit(joints) => _ = writer.f32s(&joints.0),
             Self::Rs485(rtu) => rtu.write(writer),
             Self::WriteTool { host, address, value } => {
-                _ = writer.u8(*host).u16(*address).f32s(&[*value])
+                _ = writer.u8(*host).u16(*address).f32s(&[*value]);
             }
             Self::ReadTool { host, address } => _ = writer.u8(*host).u16(*address),
             Self::SetFeedback(mask) => _ = writer.u8(*mask),

@@ -1,4 +1,4 @@
-//! What the controller is doing, and the numbers that change it.
+//! The state of the controller, and the numbers that change it.
 
 use super::error::{Result, WireError};
 
