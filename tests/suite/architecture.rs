@@ -93,6 +93,16 @@ fn only_the_wire_knows_millimetres() {
 }
 
 #[test]
+fn every_module_is_where_its_name_says() {
+    let found: Vec<_> = code_below("")
+        .into_iter()
+        .filter(|line| line.code.trim_start().starts_with("#[path"))
+        .map(|line| format!("{}:{}", line.file.display(), line.number))
+        .collect();
+    assert!(found.is_empty(), "a file of another place is included at {found:?}");
+}
+
+#[test]
 fn generators_are_made_in_one_place() {
     let mut lines = code_below("");
     lines.retain(|line| line.file != Path::new("lpr-core/src/rng.rs"));
