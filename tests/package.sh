@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Packs the crates as `cargo package` does and uses the archives as somebody else would, outside of this workspace:
-# - all three build, lpr-core with its examples, beside a fresh crate (tests/package/user) that runs the program of lpr-core's README
+# - all four build, lpr-core with its examples, beside a fresh crate (tests/package/user) that runs the program of lpr-core's README
 #   and learns in a world of its own, natively and in Node, with the same answers;
 # - without its default features lpr-core builds from nothing, of at most MOST_PACKAGES packages.
 # What the workspace depends on is taken from its own products, where it is built with the same features and profiles.
@@ -38,7 +38,7 @@ unset CARGO_TARGET_DIR
 pack() {
     local crate archive
     cargo package --workspace --exclude lpr-tests --locked --no-verify --allow-dirty --quiet --target-dir "$directory/packages"
-    for crate in lpr-core lpr-wasm lpr-server; do
+    for crate in lpr-core lpr-wasm lpr-server lpr-xarm; do
         archive=$(echo "$directory/packages/package/$crate"-*.crate)
         say "$(basename "$archive"), $(stat -c %s "$archive") bytes"
         mkdir -p "$workspace/packed/$crate"
@@ -62,9 +62,10 @@ readme_program() {
 # A workspace of the archives, the fresh crate and the tests. The latter are not built: without what they ask of dependencies,
 # these would be others than those that `make test` has built.
 prepare_workspace() {
-    sed -e '/^default-members/d' -e 's|^members = .*|members = ["packed/*", "tests", "user"]|' -e 's|path = "lpr-|path = "packed/lpr-|' \
+    sed -e '/^default-members/d' -e 's|^members = .*|members = ["packed/*", "tests", "user"]|' -e 's|path = "lpr-server/xarm"|path = "lpr-xarm"|' \
+        -e 's|path = "lpr-|path = "packed/lpr-|' \
         Cargo.toml >"$workspace/Cargo.toml"
-    printf '\n[patch.crates-io]\nlpr-core = { path = "packed/lpr-core" }\n' >>"$workspace/Cargo.toml"
+    printf '\n[patch.crates-io]\nlpr-core = { path = "packed/lpr-core" }\nlpr-xarm = { path = "packed/lpr-xarm" }\n' >>"$workspace/Cargo.toml"
     cp -r Cargo.lock .cargo tests/package/user "$workspace"
     mkdir "$workspace/tests"
     cp -r tests/Cargo.toml tests/src tests/suite "$workspace/tests"

@@ -236,7 +236,7 @@ impl DemoFrameJson {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mistake::mistake;
+    use lpr_tests::mistake;
     use proptest::prelude::*;
     use proptest::test_runner::RngSeed;
     use std::fs;

@@ -15,13 +15,9 @@ pub mod gallery;
 pub mod images;
 pub mod jobs;
 pub mod metrics;
-#[cfg(test)]
-#[path = "../../lpr-core/src/robot/mistake.rs"]
-mod mistake;
 pub mod moments;
 pub mod problems;
 pub mod run_directory;
 pub mod run_options;
 pub mod scene_file;
 pub mod tensorboard;
-pub mod xarm;

@@ -1,4 +1,11 @@
-//! What the end-to-end suites share: where the workspace is and which files belong to it.
+//! The part that tests share: where the workspace is, which files belong to it, and mistakes in
+//! files for tests of parsers.
+//!
+//! No crate of the workspace is below this one, so that the unit tests of each may use it.
+
+mod mistake;
+
+pub use mistake::{Mistake, mistake};
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -30,7 +37,7 @@ pub fn project_files() -> Vec<PathBuf> {
     files
 }
 
-/// What `program` prints when run at the root of the workspace.
+/// Standard output of `program` when run at the root of the workspace.
 ///
 /// # Panics
 ///

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 const MAX_LINES: usize = 600;
 
 /// Where lengths are millimetres.
-const WIRE: &str = "lpr-server/src/xarm/wire";
+const WIRE: &str = "lpr-server/xarm/src/wire";
 
 /// One line of a source file without its comment.
 struct Line {
@@ -85,11 +85,21 @@ fn the_core_has_no_files_sockets_clock_or_threads_of_its_own() {
 
 #[test]
 fn only_the_wire_knows_millimetres() {
-    let lines: Vec<_> = code_below("lpr-server/src/xarm")
+    let lines: Vec<_> = code_below("lpr-server/xarm")
         .into_iter()
         .filter(|line| !line.file.starts_with(WIRE))
         .collect();
     assert_absent(&lines, &["millimetres", "mm", "to_degrees", "to_radians"]);
+}
+
+#[test]
+fn every_module_is_where_its_name_says() {
+    let found: Vec<_> = code_below("")
+        .into_iter()
+        .filter(|line| line.code.trim_start().starts_with("#[path"))
+        .map(|line| format!("{}:{}", line.file.display(), line.number))
+        .collect();
+    assert!(found.is_empty(), "a file of another place is included at {found:?}");
 }
 
 #[test]

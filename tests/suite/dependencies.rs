@@ -1,5 +1,5 @@
-//! Which packages the parts of `lpr-core` bring along, feature by feature. What holds for all of
-//! the workspace is in `deny.toml`.
+//! Which packages `lpr-xarm` and the parts of `lpr-core` bring along, feature by feature. What holds
+//! for all of the workspace is in `deny.toml`.
 
 use lpr_tests::output_of;
 use std::collections::BTreeSet;
@@ -56,4 +56,20 @@ fn planning_alone_is_built_without_networks_simulator_and_threads_of_few_package
             || ["rayon", "toml"].contains(&name.as_str());
         assert!(!is_unasked, "planning alone depends on {name}");
     }
+}
+
+/// Who audits what moves hardware builds this crate alone.
+#[test]
+fn the_arm_is_moved_without_networks_simulator_services_and_runtime() {
+    let packages = packages(&["-p", "lpr-xarm"]);
+    let foreign: Vec<_> = packages
+        .iter()
+        .filter(|name| {
+            FOREIGN_TO_THE_CORE.contains(&name.as_str())
+                || ["rayon", "lpr-server"].contains(&name.as_str())
+                || ["burn", "rapier", "sqlx", "libsqlite3"].iter().any(|it| name.starts_with(it))
+        })
+        .collect();
+    assert!(foreign.is_empty(), "lpr-xarm depends on {foreign:?}");
+    assert!(packages.iter().any(|name| name == "lpr-core"), "{packages:?}");
 }

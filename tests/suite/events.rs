@@ -90,10 +90,10 @@ fn event(message: &[u8]) -> Event {
             (1, Field::Fixed64(bytes)) => event.wall_time = f64::from_le_bytes(bytes),
             (2, Field::Varint(step)) => event.step = step,
             (3, Field::Bytes(version)) => {
-                event.file_version = String::from_utf8(version.to_vec()).unwrap()
+                event.file_version = String::from_utf8(version.to_vec()).unwrap();
             }
             (5, Field::Bytes(summary)) => {
-                event.values = fields(summary).iter().map(summary_value).collect()
+                event.values = fields(summary).iter().map(summary_value).collect();
             }
             (number, _) => panic!("an event has no field {number} of this type"),
         }

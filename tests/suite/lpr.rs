@@ -42,6 +42,28 @@ pub(crate) fn json<S: AsRef<OsStr>>(arguments: &[S]) -> Value {
     value
 }
 
+/// [`json`] of a command that has nothing to tell people beside it.
+#[track_caller]
+pub(crate) fn silent_json(arguments: &[&str]) -> Value {
+    let output = command(arguments).arg("--json").output().unwrap();
+    assert_eq!(
+        (output.status.code(), text(&output.stderr)),
+        (Some(0), String::new()),
+        "{arguments:?}"
+    );
+    let value: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(value.is_object());
+    value
+}
+
+/// The table that a successful command prints.
+#[track_caller]
+pub(crate) fn table(arguments: &[&str]) -> String {
+    let output = command(arguments).output().unwrap();
+    assert!(output.status.success(), "{arguments:?}: {}", text(&output.stderr));
+    text(&output.stdout)
+}
+
 /// What a command says that must fail with exit status `status`, without `error: `.
 #[track_caller]
 pub(crate) fn refusal<S: AsRef<OsStr>>(arguments: &[S], status: i32) -> String {

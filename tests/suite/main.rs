@@ -3,6 +3,7 @@
 mod architecture;
 mod bad_input;
 mod checkpoints;
+mod cli;
 mod dependencies;
 mod docs;
 mod evaluation;
@@ -20,5 +21,7 @@ mod runs;
 mod scenes;
 mod serve;
 mod server;
+mod simulation;
+mod training;
 mod world_hash;
 mod xarm;

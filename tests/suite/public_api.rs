@@ -1,5 +1,5 @@
-//! What `lpr-core` promises to others: every public item with its signature, as
-//! `tests/golden/public-api.txt` lists them.
+//! The promises of `lpr-core` and `lpr-xarm` to others: every public item with its signature, as
+//! `tests/golden/public-api*.txt` list them.
 //!
 //! The compiler refuses `pub` where nothing public leads (`unreachable_pub`), so what is `pub` in
 //! the sources is public. What planning alone has is what stands under no `#[cfg(feature)]` in
@@ -10,8 +10,6 @@
 use lpr_tests::{project_files, workspace};
 use std::fs;
 use std::path::Path;
-
-const GOLDEN: &str = "tests/golden/public-api.txt";
 
 /// With this variable the test writes the list anew.
 const RENEW: &str = "LPR_RENEW_GOLDEN";
@@ -83,20 +81,21 @@ fn is_closed(text: &str) -> bool {
     count('(') == count(')') && count('[') == count(']') && (!is_import || count('{') == count('}'))
 }
 
-fn public_api() -> String {
-    let is_core = |file: &&std::path::PathBuf| {
-        file.starts_with("lpr-core/src") && file.extension().is_some_and(|it| it == "rs")
+/// The public items of the crate whose sources are below `sources`.
+fn public_api(sources: &str) -> String {
+    let is_source = |file: &&std::path::PathBuf| {
+        file.starts_with(sources) && file.extension().is_some_and(|it| it == "rs")
     };
     let listed = |file: &Path| {
         let items = items(&fs::read_to_string(workspace().join(file)).unwrap());
-        let name = file.strip_prefix("lpr-core/src").unwrap().display().to_string();
+        let name = file.strip_prefix(sources).unwrap().display().to_string();
         if items.is_empty() {
             String::new()
         } else {
             format!("{name}\n    {}\n\n", items.join("\n    "))
         }
     };
-    project_files().iter().filter(is_core).map(|file| listed(file)).collect()
+    project_files().iter().filter(is_source).map(|file| listed(file)).collect()
 }
 
 #[test]
@@ -115,9 +114,9 @@ fn declarations_are_found_with_their_owner_and_without_bodies_and_tests() {
     assert_eq!(found[4..], ["pub enum E { F, }"]);
 }
 
-#[test]
-fn the_public_api_of_the_core_is_the_listed_one() {
-    let (golden, found) = (workspace().join(GOLDEN), public_api());
+#[track_caller]
+fn assert_listed(sources: &str, golden: &str) {
+    let (golden, found) = (workspace().join(golden), public_api(sources));
     if std::env::var_os(RENEW).is_some() {
         fs::write(&golden, &found).unwrap();
     }
@@ -130,4 +129,14 @@ fn the_public_api_of_the_core_is_the_listed_one() {
         listed == found,
         "LPR_RENEW_GOLDEN=1 with this test lists it anew. New: {added:#?}, gone: {gone:#?}"
     );
+}
+
+#[test]
+fn the_public_api_of_the_core_is_the_listed_one() {
+    assert_listed("lpr-core/src", "tests/golden/public-api.txt");
+}
+
+#[test]
+fn the_public_api_of_the_arm_is_the_listed_one() {
+    assert_listed("lpr-server/xarm/src", "tests/golden/public-api-xarm.txt");
 }

@@ -1,6 +1,5 @@
 //! Motions of the arm as functions of time.
 
-use super::point_to_point::Ruckig;
 use super::topp::PathMotion;
 use crate::error::{Error, Result};
 use crate::robot::{DOF, JointConfig};
@@ -59,17 +58,18 @@ impl JointState {
 /// What a controller at 100 Hz is sent:
 ///
 /// ```
-/// use lpr_core::path::{JointState, MotionLimits, point_to_point};
+/// use lpr_core::path::{JointPath, JointState, MotionLimits, SmoothPath, time_optimal};
 /// use lpr_core::robot::JointConfig;
 ///
-/// let start = JointState::at_rest(&JointConfig([0.0; 7]));
+/// let (start, goal) = (JointConfig([0.0; 7]), JointConfig([0.3; 7]));
+/// let path = SmoothPath::through(&JointPath::new(vec![start, goal])?);
 /// let limits = MotionLimits { velocity: [1.0; 7], acceleration: [4.0; 7], jerk: Some([40.0; 7]) };
-/// let motion = point_to_point(&start, &JointConfig([0.3; 7]), &limits)?;
+/// let motion = time_optimal(&path, &limits, None)?;
 /// let sent: Vec<_> = motion.samples(0.01)?.collect();
-/// assert_eq!(sent[0], (0.0, start));
+/// assert_eq!(sent[0], (0.0, JointState::at_rest(&start)));
 /// assert_eq!(sent[sent.len() - 1].0, motion.duration_secs());
-/// assert_eq!(motion.at(99.0), JointState::at_rest(&JointConfig([0.3; 7])), "at the end it stays");
-/// # Ok::<(), lpr_core::path::NoMotion>(())
+/// assert_eq!(motion.at(99.0), JointState::at_rest(&goal), "at the end it stays");
+/// # Ok::<(), lpr_core::Error>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct Trajectory {
@@ -84,7 +84,6 @@ pub(super) enum Motion {
     /// Nothing moves.
     Rest,
     AlongPath(PathMotion),
-    PointToPoint(Box<Ruckig>),
 }
 
 impl Trajectory {
@@ -122,7 +121,6 @@ impl Trajectory {
         }
         match &self.motion {
             Motion::AlongPath(motion) if t_secs > 0.0 => motion.at(t_secs),
-            Motion::PointToPoint(motion) if t_secs > 0.0 => motion.at(t_secs),
             _ => self.start,
         }
     }

@@ -163,7 +163,7 @@ fn corner_of(word: &str, corners: &[DVec3]) -> Option<DVec3> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::robot::mistake::mistake;
+    use lpr_tests::mistake;
     use proptest::prelude::*;
     use proptest::test_runner::RngSeed;
 

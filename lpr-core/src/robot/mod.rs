@@ -13,8 +13,6 @@ mod golden;
 mod ik;
 mod kinematics;
 mod mesh;
-#[cfg(test)]
-mod mistake;
 mod panda;
 mod recognise;
 mod srdf;

@@ -1,5 +1,5 @@
 use super::*;
-use crate::mistake::mistake;
+use lpr_tests::mistake;
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use std::fs;

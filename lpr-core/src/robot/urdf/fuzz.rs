@@ -2,7 +2,7 @@
 
 use super::tests::{ARM, SEMANTICS, snake};
 use super::*;
-use crate::robot::mistake::mistake;
+use lpr_tests::mistake;
 use proptest::prelude::*;
 use proptest::sample::Index;
 use proptest::test_runner::RngSeed;

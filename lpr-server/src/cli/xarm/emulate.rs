@@ -6,11 +6,11 @@
 use super::super::{Failure, Format, Result};
 use super::signals::Signals;
 use crate::files::FileError;
-use crate::xarm::Ports;
-use crate::xarm::emulator::{Channel, Emulator, EmulatorSettings, Fault, Received};
 use clap::Args;
 use core::fmt;
 use lpr_core::robot::{DOF, JointConfig, XARM7};
+use lpr_xarm::Ports;
+use lpr_xarm::emulator::{Channel, Emulator, EmulatorSettings, Fault, KinematicWorld, Received};
 use serde::Serialize;
 use std::fs::File;
 use std::io::{self, LineWriter, Write as _};
@@ -96,7 +96,6 @@ pub(in super::super) fn run(arguments: &Arguments, format: Format) -> Result<()>
         report_ports: arguments.report_ports,
         uds: arguments.uds.clone(),
         firmware: arguments.firmware.clone(),
-        start: arguments.start.unwrap_or(XARM7.start),
         fault: arguments.fault,
         received: None,
     };
@@ -106,7 +105,8 @@ pub(in super::super) fn run(arguments: &Arguments, format: Format) -> Result<()>
         settings.received = Some(sender);
         thread::spawn(move || log(&receiver, file));
     }
-    let emulator = Emulator::start(settings)?;
+    let world = KinematicWorld::at(arguments.start.unwrap_or(XARM7.start));
+    let emulator = Emulator::start(settings, world)?;
     let Ports { command, stop, fast, normal, rich, realtime } = emulator.ports();
     let report_ports = [fast, normal, rich, realtime];
     let listening =
