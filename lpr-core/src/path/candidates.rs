@@ -13,12 +13,16 @@
 //!   them with other samples of `RRTConnect`; a path that comes out twice is kept once.
 //! - A screw motion of the grip can be asked for besides; no preset does.
 
-use super::bezier::{BezierCurve, BezierSettings};
-use super::planner::{PlannerKind, PlannerSettings, plan_with};
-use super::rrt_connect::RrtSettings;
-use super::screw::ScrewMotion;
-use super::{JointPath, Rejection, Source, shortcut};
+mod baseline;
+
+pub use baseline::{c2farm_path, linear_candidate};
+
 use crate::error::{Error, Result};
+use crate::path::curves::{BezierCurve, BezierSettings, ScrewMotion};
+use crate::path::joint_path::JointPath;
+use crate::path::planners::{PlannerKind, PlannerSettings, RrtSettings, plan_with, shortcut};
+use crate::path::rejection::Rejection;
+use crate::path::source::Source;
 use crate::rng::{self, Rng, Stream};
 use crate::robot::{JointConfig, Robot};
 use crate::scene::{ArmSpheres, MotionChecker, Scene};

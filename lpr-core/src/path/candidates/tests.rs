@@ -1,5 +1,5 @@
 use super::*;
-use crate::path::{c2farm_path, linear_candidate};
+use crate::path::candidates::baseline::{c2farm_path, linear_candidate};
 use crate::robot::{ROBOTS, XARM7};
 use crate::scene::stick_arm::stick_arm;
 use crate::scene::{Holding, ObstacleQuery, Primitive, obstacle_scene};
