@@ -26,6 +26,6 @@ pub use planners::{
 pub use rejection::Rejection;
 pub use source::Source;
 pub use timing::{
-    GripSpeedLimit, JointState, MotionLimits, NoMotion, SmoothPath, TimedPath, TimingSettings,
-    Trajectory, point_to_point, time_optimal,
+    GripSpeedLimit, JointState, MotionLimits, SmoothPath, TimedPath, TimingSettings, Trajectory,
+    time_optimal,
 };

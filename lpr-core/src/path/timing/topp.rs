@@ -18,19 +18,21 @@
 mod envelope;
 mod grid;
 mod grip;
+mod grip_bound;
 mod motion;
 mod passes;
 mod ramp;
 mod spline;
+mod trajectory;
 
-pub(super) use motion::PathMotion;
 pub use spline::SmoothPath;
+pub use trajectory::Trajectory;
 
 use super::motion_limits::{GripSpeedLimit, MotionLimits};
-use super::trajectory::{JointState, Motion, Trajectory};
 use crate::error::Result;
 use grid::{Interval, grid, reversed};
 use grip::limit_grip;
+use motion::PathMotion;
 use passes::{Ramps, squared_speeds};
 use ramp::Ramp;
 
@@ -66,11 +68,8 @@ pub fn time_optimal(
     limits.check()?;
     grip.map_or(Ok(()), GripSpeedLimit::check)?;
     let (start, goal) = (path.angles_at(0.0), path.angles_at(path.chord_length()));
-    if path.n_pieces() == 0 {
-        return Trajectory::new(JointState::standing(start), goal, 0.0, Motion::Rest);
-    }
-    let motion = fastest(path, limits, grip);
-    Trajectory::new(JointState::standing(start), goal, motion.duration(), Motion::AlongPath(motion))
+    let motion = (path.n_pieces() > 0).then(|| fastest(path, limits, grip));
+    Trajectory::new(start, goal, motion)
 }
 
 fn fastest(

@@ -1,6 +1,6 @@
 //! The curve in short intervals, over each of which the path's acceleration is constant.
 
-use super::grip::GripBound;
+use super::grip_bound::GripBound;
 use super::spline::{Piece, SmoothPath};
 
 /// Intervals of a curve at least.

@@ -8,6 +8,7 @@
 //! derivatives.
 
 use super::grid::Interval;
+use super::grip_bound::GripBound;
 use super::spline::{Piece, SmoothPath};
 use crate::path::timing::motion_limits::GripSpeedLimit;
 use crate::robot::{DOF, Robot};
@@ -22,27 +23,6 @@ const ENOUGH: f64 = 0.01;
 
 /// Times that an interval is halved at most until its parabolas are as good as that.
 const HALVINGS: usize = 3;
-
-/// Bernstein coefficients (degree 4) of a bound to the square of the grip's speed by the chord
-/// length, as a share of the limit's square: where it is `g`, a path at the squared speed `x` keeps
-/// the limit when `g x ≤ 1`.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct GripBound(pub(super) [f64; 5]);
-
-impl GripBound {
-    /// No limit.
-    pub(super) const NONE: Self = Self([0.0; 5]);
-
-    /// The largest coefficient, which bounds all of the interval.
-    pub(super) fn max(&self) -> f64 {
-        self.0.iter().copied().fold(0.0, f64::max)
-    }
-
-    /// The bound for any part of the interval.
-    pub(super) fn constant(&self) -> Self {
-        Self([self.max(); 5])
-    }
-}
 
 /// Sets the bounds of all `intervals` of `path`.
 pub(super) fn limit_grip(

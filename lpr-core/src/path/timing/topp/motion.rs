@@ -3,11 +3,11 @@
 use super::grid::Interval;
 use super::passes::Ramps;
 use super::spline::SmoothPath;
-use crate::path::timing::trajectory::JointState;
+use crate::path::timing::joint_state::JointState;
 
 /// A curve driven at a chord length that is a cubic of time on every stretch.
 #[derive(Debug, Clone)]
-pub(crate) struct PathMotion {
+pub(super) struct PathMotion {
     path: SmoothPath,
     pub(super) stretches: Vec<Stretch>,
 }
@@ -64,7 +64,7 @@ impl PathMotion {
     }
 
     /// The state at `t_secs`, within the duration.
-    pub(crate) fn at(&self, t_secs: f64) -> JointState {
+    pub(super) fn at(&self, t_secs: f64) -> JointState {
         let next = self.stretches.partition_point(|stretch| stretch.since <= t_secs);
         let (at, speed, acceleration) = self.stretches[next.max(1) - 1].at(t_secs);
         let idx = self.path.piece_at(at);

@@ -1,10 +1,10 @@
 //! The motion as a whole, looked at far more densely than it was computed.
 
 use super::grip::Arm;
-use super::{SmoothPath, fastest, time_optimal};
+use super::{SmoothPath, Trajectory, fastest, time_optimal};
 use crate::path::joint_path::JointPath;
+use crate::path::timing::joint_state::JointState;
 use crate::path::timing::motion_limits::{GripSpeedLimit, MotionLimits};
-use crate::path::timing::trajectory::{JointState, Trajectory};
 use crate::robot::{DOF, JointConfig, PANDA, ROBOTS};
 use proptest::prelude::*;
 
