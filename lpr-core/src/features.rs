@@ -1,5 +1,8 @@
 //! Network inputs that ranker and policy share.
 
+#[cfg(test)]
+pub(crate) mod golden;
+
 use crate::q_attention::NextBestPose;
 use crate::robot::{DOF, Gripper, JointConfig, Robot};
 

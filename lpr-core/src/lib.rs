@@ -32,6 +32,8 @@ pub mod env;
 pub mod error;
 #[cfg(feature = "learn")]
 pub mod evaluate;
+#[cfg(feature = "learn")]
+mod features;
 mod lanes;
 #[cfg(feature = "learn")]
 pub mod learner;

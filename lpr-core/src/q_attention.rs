@@ -9,6 +9,7 @@ mod batch;
 mod loss;
 #[cfg(feature = "learn")]
 mod network;
+mod next_best_pose;
 mod observation;
 mod settings;
 
@@ -21,23 +22,11 @@ pub use agent::{
 };
 #[cfg(feature = "learn")]
 pub use batch::QSample;
-
 #[cfg(feature = "learn")]
 pub use network::{Heads, NetworkCost, NetworkInput, PoseValues, QNetwork, QValues};
+pub use next_best_pose::NextBestPose;
 pub use observation::{QObservation, StoredPoint};
 pub use settings::{Imitation, NetworkSettings, QAttentionSettings};
-
-use crate::robot::Gripper;
-use glamx::Pose3;
-
-/// Where the gripper goes next and what it does there: `g` in the paper.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct NextBestPose {
-    /// Pose of `grip` in the world.
-    pub pose: Pose3,
-    /// Command given when the pose is reached.
-    pub gripper: Gripper,
-}
 
 #[cfg(all(test, feature = "learn"))]
 mod tests;

@@ -6,8 +6,8 @@
 //! stores and restores bit by bit. It also needs one pass over each parameter instead of one per
 //! operation.
 
-use super::parameters::{find, map_values};
-use super::{NamedTensor, export, values};
+use super::parameters::{NamedTensor, export, find, map_values};
+use super::values::values;
 use crate::error::{Error, Result};
 
 use burn::module::{Module, ModuleVisitor, Param};

@@ -1,7 +1,8 @@
 //! What a depth camera makes of the true depth: noise, missing returns, and pixels that hang
 //! between two surfaces.
 
-use super::{Camera, View};
+use super::camera::Camera;
+use super::observation::View;
 use crate::rng::{Rng, normal};
 use glamx::Vec3;
 use rand::RngExt as _;

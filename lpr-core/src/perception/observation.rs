@@ -2,7 +2,7 @@
 //!
 //! The agent gets this type only, so no simulator state, mask or demonstrator can reach it.
 
-use super::Camera;
+use super::camera::Camera;
 use crate::robot::JointConfig;
 use glamx::{Pose3, Quat, Vec3};
 

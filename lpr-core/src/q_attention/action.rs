@@ -17,8 +17,8 @@
 //! Turning a two-finger gripper by 180° about its approach changes nothing. [`canonical_grasp`]
 //! picks one of the two, so that equal grasps have equal labels.
 
-use super::NextBestPose;
-use super::QAttentionSettings;
+use super::next_best_pose::NextBestPose;
+use super::settings::QAttentionSettings;
 use crate::error::Result;
 use crate::perception::{VoxelBounds, VoxelIndex, VoxelSpace};
 use crate::robot::Gripper;

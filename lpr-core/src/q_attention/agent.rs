@@ -1,13 +1,13 @@
 //! The agent: one online and one target network per depth, acting from the coarse grid to the fine
 //! one, learning by updates.
 
+use super::action::{ActionCodec, DiscreteAction, nearest_grasp};
 use super::batch::{Augmented, QSample};
 use super::loss::{Choices, LossWeights, Rows, chosen_values, depth_loss, td_target};
 use super::network::{Heads, NetworkCost, NetworkInput, QNetwork, QValues};
-use super::{
-    ActionCodec, DiscreteAction, NetworkSettings, NextBestPose, QAttentionSettings, QObservation,
-    nearest_grasp,
-};
+use super::next_best_pose::NextBestPose;
+use super::observation::QObservation;
+use super::settings::{NetworkSettings, QAttentionSettings};
 use crate::error::{Error, Result};
 use crate::nn::{
     Adam, AdamSettings, AdamState, Backend, GradientClip, NamedTensor, export, import, mix, tensor,

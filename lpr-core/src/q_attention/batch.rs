@@ -1,6 +1,9 @@
 //! Replayed transitions made ready for an update: augmented, with labels recomputed, and voxelised.
 
-use super::{ActionCodec, NextBestPose, QAttentionSettings, QObservation, canonical_grasp};
+use super::action::{ActionCodec, canonical_grasp};
+use super::next_best_pose::NextBestPose;
+use super::observation::QObservation;
+use super::settings::QAttentionSettings;
 use crate::perception::{PointTransform, Proprio, VoxelGrid, VoxelSpace};
 use crate::rng::Rng;
 

@@ -22,8 +22,8 @@
 //! 10 demonstrations of `take_lid_off_saucepan` bring 1 of 40 grasps within 10 cm and none within 2
 //! cm, with it (preset `fast`) 35 and 10 (`examples/qattention_study.rs`).
 
-use super::Imitation;
 use super::network::{PoseValues, QValues};
+use super::settings::Imitation;
 
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Int, Tensor};

@@ -1,16 +1,8 @@
-//! Experience: transitions and the prioritised buffer that holds them (Schaul et al. 2016).
-//!
-//! Sampling is proportional to `priority ^ α` and not stratified, as in the released code. New rows
-//! take the largest priority ever set, so that everything is seen soon.
+//! The buffer: rows, their priorities and the draws from them.
 
-mod sum_tree;
-mod transition;
-
-pub use transition::{Decision, Step, Transition, TransitionRow, join_steps, split_steps};
-
+use super::sum_tree::SumTree;
 use crate::error::{Error, Result};
 use crate::rng::Rng;
-use sum_tree::SumTree;
 
 use rand::RngExt as _;
 use serde::{Deserialize, Serialize};
@@ -29,6 +21,31 @@ pub struct ReplaySettings {
     /// Exponent of importance weights: 1 corrects the bias of the sampling fully (`β` in Schaul et
     /// al.).
     pub importance_exponent: f32,
+}
+
+impl ReplaySettings {
+    /// Checks the ranges of all numbers.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Config`] without capacity, or with a negative exponent.
+    pub fn check(&self) -> Result<()> {
+        if self.capacity == 0 {
+            return Err(Error::Config("replay.capacity: expected at least 1, found 0".to_owned()));
+        }
+        let exponents = [
+            ("priority_exponent", self.priority_exponent),
+            ("importance_exponent", self.importance_exponent),
+        ];
+        for (name, exponent) in exponents {
+            if !(exponent.is_finite() && exponent >= 0.0) {
+                return Err(Error::Config(format!(
+                    "replay.{name}: expected at least 0, found {exponent}"
+                )));
+            }
+        }
+        Ok(())
+    }
 }
 
 /// A ring of rows that are drawn in proportion to their priorities.
@@ -69,22 +86,9 @@ impl<T> Replay<T> {
     ///
     /// # Errors
     ///
-    /// [`Error::Config`] without capacity, or with a negative exponent.
+    /// As [`ReplaySettings::check`].
     pub fn new(settings: &ReplaySettings) -> Result<Self> {
-        if settings.capacity == 0 {
-            return Err(Error::Config("replay.capacity: expected at least 1, found 0".to_owned()));
-        }
-        let exponents = [
-            ("priority_exponent", settings.priority_exponent),
-            ("importance_exponent", settings.importance_exponent),
-        ];
-        for (name, exponent) in exponents {
-            if !(exponent.is_finite() && exponent >= 0.0) {
-                return Err(Error::Config(format!(
-                    "replay.{name}: expected at least 0, found {exponent}"
-                )));
-            }
-        }
+        settings.check()?;
         Ok(Self {
             settings: settings.clone(),
             rows: Vec::new(),

@@ -14,13 +14,15 @@
 //! which the errors of the grid are taken at their worst: no point of the sphere is further from
 //! the solid.
 
+mod ball;
 mod choice;
 mod grid;
 mod surface;
 
 use super::Sphere;
 use super::mesh::Triangle;
-use choice::{Ball, choose};
+use ball::Ball;
+use choice::choose;
 use glamx::DVec3;
 use grid::Grid;
 use surface::{cuboid, cylinder};

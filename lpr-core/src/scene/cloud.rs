@@ -4,7 +4,7 @@
 //! one look-up.
 
 use super::arm_spheres::LinkSpheres;
-use super::block::{Frames, MAX_WIDTH};
+use super::frames::{Frames, MAX_WIDTH};
 use crate::lanes::{Floats, Vec3s};
 use fearless_simd::{Simd, SimdBase as _, SimdFloat as _, SimdMask as _};
 use glamx::Vec3;

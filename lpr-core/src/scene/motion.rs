@@ -1,7 +1,9 @@
 //! Checks of straight joint-space motions.
 
+use super::arm_spheres::ArmSpheres;
 use super::block::{self, Looks, Sampled};
-use super::{ArmSpheres, Proximity, Scene};
+use super::contents::Scene;
+use super::proximity::Proximity;
 use crate::robot::JointConfig;
 use core::cell::Cell;
 use core::fmt;

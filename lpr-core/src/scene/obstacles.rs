@@ -4,8 +4,9 @@
 //! No simulator state enters, so the same function serves a real camera. Depth on the table is an
 //! obstacle like any other.
 
-use super::arm_spheres::ArmPart;
-use super::{ArmSpheres, PointCloud, Scene, downsample};
+use super::arm_spheres::{ArmPart, ArmSpheres};
+use super::cloud::{PointCloud, downsample};
+use super::contents::Scene;
 use crate::robot::{HAND, JointConfig, Robot, Sphere};
 use glamx::{Pose3, Vec3};
 

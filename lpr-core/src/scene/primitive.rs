@@ -1,6 +1,6 @@
 //! Primitive obstacles and the distance of a point to them.
 
-use super::Shape;
+use super::shape::Shape;
 use glamx::{Pose3, Vec3};
 
 /// A solid obstacle in the world frame. Lengths in metres.

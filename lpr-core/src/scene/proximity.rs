@@ -6,9 +6,10 @@
 //! geometric Jacobian of its centre.
 
 use super::arm_spheres::{ArmPart, ArmSpheres, Frame, LinkSpheres};
-use super::primitive::length;
+use super::cloud::PointCloud;
+use super::contents::Scene;
+use super::primitive::{Primitive, length};
 use super::signed_distance::SignedDistance;
-use super::{PointCloud, Primitive, Scene};
 use crate::robot::{DOF, JointConfig, Motion, Sphere};
 use glamx::Vec3;
 

@@ -1,8 +1,8 @@
 //! Primitives prepared for checks: which of many a ball meets, for every lane at once.
 
 use super::arm_spheres::LinkSpheres;
-use super::block::Frames;
-use super::{Face, Primitive};
+use super::frames::Frames;
+use super::primitive::{Face, Primitive};
 use crate::lanes::Vec3s;
 use fearless_simd::{Simd, SimdBase as _, SimdFloat, SimdMask as _};
 use glamx::{Pose3, Quat, Vec3};
