@@ -23,12 +23,14 @@ use crate::path::{
 };
 use crate::perception::{Observation, Proprio, VoxelBounds};
 use crate::policy::Policy;
-use crate::q_attention::{NetworkCost, NextBestPose, QAttention, QDecision, QObservation, Weights};
+use crate::q_attention::{
+    ActingNetwork, NetworkCost, NextBestPose, QAttention, QDecision, QObservation,
+};
 use crate::ranker::{RankedPath, Ranker, RankerContext};
 use crate::replay;
 use crate::rng::{Rng, Stream, stream};
 use crate::robot::Robot;
-use crate::scene::{ArmSpheres, Holding, MotionChecker, ObstacleQuery, Scene, obstacle_scene};
+use crate::scene::{ArmSpheres, Held, MotionChecker, ObstacleQuery, Scene, obstacle_scene};
 use crate::train::TrainSettings;
 
 use glamx::Vec3;
@@ -94,7 +96,7 @@ pub struct Agent {
     method: Method,
     candidates: CandidateSettings,
     cloud_spacing: f32,
-    acting_weights: Weights,
+    acting_weights: ActingNetwork,
     discount: f32,
     /// The networks; the learner changes them.
     pub networks: Networks,
@@ -299,7 +301,7 @@ impl Agent {
             robot: self.robot,
             measured: &proprio.joints,
             goal: Some(&goal.pose),
-            holding: if is_holding(proprio) { Holding::Object } else { Holding::Nothing },
+            holding: if is_holding(proprio) { Held::Object } else { Held::Nothing },
         };
         let points: Vec<Vec3> = observation.colored_points().map(|(point, _)| point).collect();
         obstacle_scene(&query, &points)

@@ -18,7 +18,7 @@ pub use action::{
 };
 #[cfg(feature = "learn")]
 pub use agent::{
-    DepthDecision, DepthState, QAttention, QAttentionState, QDecision, UpdateReport, Weights,
+    ActingNetwork, DepthDecision, DepthState, QAttention, QAttentionState, QDecision, UpdateReport,
 };
 #[cfg(feature = "learn")]
 pub use batch::QSample;

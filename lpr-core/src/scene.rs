@@ -24,7 +24,7 @@ pub use cloud::{PointCloud, downsample};
 pub use contents::Scene;
 pub use motion::MotionChecker;
 pub use obstacles::{
-    CONTACT_DISTANCE, HELD_BOX, Holding, ObstacleQuery, POINT_RADIUS, SELF_FILTER_INFLATION, VOXEL,
+    CONTACT_DISTANCE, HELD_BOX, Held, ObstacleQuery, POINT_RADIUS, SELF_FILTER_INFLATION, VOXEL,
     obstacle_scene,
 };
 pub use primitive::{Face, Primitive};

@@ -3,7 +3,7 @@
 
 use super::action::{ActionCodec, DiscreteAction, nearest_grasp};
 use super::batch::{Augmented, QSample};
-use super::loss::{Choices, LossWeights, Rows, chosen_values, depth_loss, td_target};
+use super::loss::{Choices, LossWeights, PerSample, chosen_values, depth_loss, td_target};
 use super::network::{Heads, NetworkCost, NetworkInput, QNetwork, QValues};
 use super::next_best_pose::NextBestPose;
 use super::observation::QObservation;
@@ -44,7 +44,7 @@ struct Depth {
 /// Which of the two networks of a depth to ask.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Weights {
+pub enum ActingNetwork {
     /// The one that gradients change (the paper's choice).
     Online,
     /// The running mean of it, whose choices change less from one update to the next.
@@ -52,10 +52,10 @@ pub enum Weights {
 }
 
 impl Depth {
-    fn network(&self, weights: Weights) -> &QNetwork {
+    fn network(&self, weights: ActingNetwork) -> &QNetwork {
         match weights {
-            Weights::Online => &self.online,
-            Weights::Target => &self.target,
+            ActingNetwork::Online => &self.online,
+            ActingNetwork::Target => &self.target,
         }
     }
 }
@@ -109,10 +109,10 @@ pub struct DepthState {
 impl DepthState {
     /// Its online and target network: the one that `acting` names first.
     #[must_use]
-    pub fn acting_first(self, acting: Weights) -> [Vec<NamedTensor>; 2] {
+    pub fn acting_first(self, acting: ActingNetwork) -> [Vec<NamedTensor>; 2] {
         match acting {
-            Weights::Online => [self.online, self.target],
-            Weights::Target => [self.target, self.online],
+            ActingNetwork::Online => [self.online, self.target],
+            ActingNetwork::Target => [self.target, self.online],
         }
     }
 }
@@ -172,7 +172,7 @@ impl QAttention {
     /// The best next pose for an observation: at every depth the voxel of highest value, at the
     /// last depth also the best rotation bins and gripper command.
     #[must_use]
-    pub fn act(&self, observation: &QObservation, weights: Weights) -> QDecision {
+    pub fn act(&self, observation: &QObservation, weights: ActingNetwork) -> QDecision {
         let mut depths = Vec::with_capacity(self.depths.len());
         let mut voxels = Vec::with_capacity(self.depths.len());
         let mut center = Vec3::ZERO;
@@ -398,7 +398,8 @@ impl QAttention {
         };
         let [targets, weights, imitated] =
             [targets, weights, imitated].map(|column| tensor(column, [n], &device));
-        let loss = depth_loss(&values, &choices, Rows { targets, weights, imitated }, loss_weights);
+        let loss =
+            depth_loss(&values, &choices, PerSample { targets, weights, imitated }, loss_weights);
         let gradients = loss.total.backward();
         depth.online = depth.adam.step(depth.online.clone(), &leaves, gradients);
         depth.target = mix(depth.target.clone(), &depth.online, self.settings.target_mix);

@@ -38,24 +38,24 @@ pub const HELD_BOX: [Vec3; 2] = [Vec3::new(-0.08, -0.08, -0.08), Vec3::new(0.08,
 /// Distance from the flange to the furthest point of the hand, with fingers and some room, metres.
 const HAND_LENGTH: f32 = 0.25;
 
-/// Whether the gripper holds something.
+/// The load of the gripper.
 ///
 /// What the gripper closed on is not in its own way:
 ///
 /// ```
 /// use lpr_core::glamx::Vec3;
 /// use lpr_core::robot::XARM7;
-/// use lpr_core::scene::{Holding, ObstacleQuery, obstacle_scene};
+/// use lpr_core::scene::{Held, ObstacleQuery, obstacle_scene};
 ///
 /// let beside = XARM7.grip(&XARM7.start) * Vec3::new(0.07, 0.0, 0.0);
 /// let n_obstacles = |holding| {
 ///     let query = ObstacleQuery { robot: &XARM7, measured: &XARM7.start, goal: None, holding };
 ///     obstacle_scene(&query, &[beside]).arm_points().points().len()
 /// };
-/// assert_eq!((n_obstacles(Holding::Nothing), n_obstacles(Holding::Object)), (1, 0));
+/// assert_eq!((n_obstacles(Held::Nothing), n_obstacles(Held::Object)), (1, 0));
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Holding {
+pub enum Held {
     /// The gripper is empty.
     Nothing,
     /// The gripper closed on something.
@@ -72,7 +72,7 @@ pub struct ObstacleQuery<'a> {
     /// `world_from_grip` where it goes next, for the contact rule.
     pub goal: Option<&'a Pose3>,
     /// Whether it holds something.
-    pub holding: Holding,
+    pub holding: Held,
 }
 
 /// The scene that a cloud of `points` (world frame, metres) makes.
@@ -84,7 +84,7 @@ pub struct ObstacleQuery<'a> {
 /// ```
 /// use lpr_core::glamx::{Pose3, Vec3};
 /// use lpr_core::robot::XARM7;
-/// use lpr_core::scene::{Holding, ObstacleQuery, obstacle_scene};
+/// use lpr_core::scene::{Held, ObstacleQuery, obstacle_scene};
 ///
 /// // A camera sees a box on the table, the arm's own elbow, a wall out of reach, and a pixel without depth.
 /// let on_box = Vec3::new(0.4, 0.3, 0.1);
@@ -94,7 +94,7 @@ pub struct ObstacleQuery<'a> {
 /// // Where the hand goes next, a finger will touch the box.
 /// let rotation = XARM7.grip(&XARM7.start).rotation;
 /// let goal = Pose3::from_parts(on_box - rotation * Vec3::new(0.0, 0.05, 0.0), rotation);
-/// let query = ObstacleQuery { robot: &XARM7, measured: &XARM7.start, goal: Some(&goal), holding: Holding::Nothing };
+/// let query = ObstacleQuery { robot: &XARM7, measured: &XARM7.start, goal: Some(&goal), holding: Held::Nothing };
 /// let scene = obstacle_scene(&query, &seen);
 /// assert_eq!(scene.arm_points().points(), [on_box]);
 /// assert!(scene.hand_points().points().is_empty(), "it is no obstacle to the hand");
@@ -114,7 +114,7 @@ pub fn obstacle_scene(query: &ObstacleQuery<'_>, points: &[Vec3]) -> Scene {
     let arm_points: Vec<Vec3> = downsample(&in_reach, VOXEL)
         .into_iter()
         .filter(|point| !itself.hold(*point))
-        .filter(|point| query.holding == Holding::Nothing || !is_held(&world_from_grip, *point))
+        .filter(|point| query.holding == Held::Nothing || !is_held(&world_from_grip, *point))
         .collect();
     let contact = gripper_in_contact(query, &arm);
     let hand_points: Vec<Vec3> =
@@ -209,14 +209,14 @@ mod tests {
         table.chain(skin.collect::<Vec<_>>()).chain([Vec3::NAN, Vec3::new(9.0, 0.0, 0.5)]).collect()
     }
 
-    fn query<'a>(robot: &'a Robot, goal: Option<&'a Pose3>, holding: Holding) -> ObstacleQuery<'a> {
+    fn query<'a>(robot: &'a Robot, goal: Option<&'a Pose3>, holding: Held) -> ObstacleQuery<'a> {
         ObstacleQuery { robot, measured: &robot.start, goal, holding }
     }
 
     #[test]
     fn the_arm_is_free_in_a_cloud_of_itself_and_the_table_stays() {
         let robot = stick_arm();
-        let scene = obstacle_scene(&query(&robot, None, Holding::Nothing), &view(&robot));
+        let scene = obstacle_scene(&query(&robot, None, Held::Nothing), &view(&robot));
         assert!(scene.is_free(&ArmSpheres::new(&robot), &robot.start));
         for point in scene.arm_points.points() {
             assert!(point.is_finite() && point.z == 0.0, "only the table is left, found {point}");
@@ -230,7 +230,7 @@ mod tests {
         let robot = stick_arm();
         let mut lowered = robot.grip(&robot.start);
         lowered.translation.z = 0.01;
-        let scene = obstacle_scene(&query(&robot, Some(&lowered), Holding::Nothing), &view(&robot));
+        let scene = obstacle_scene(&query(&robot, Some(&lowered), Held::Nothing), &view(&robot));
         let finger = lowered * Vec3::new(0.0, 0.05, 0.0);
         assert!(!scene.hand_points.touches(finger, 0.01));
         assert!(scene.arm_points.touches(finger, 0.01));
@@ -240,7 +240,7 @@ mod tests {
         );
         let goal = robot.ik_nearest(&lowered, &robot.start).unwrap();
         assert!(scene.is_free(&ArmSpheres::new(&robot), &goal));
-        let strict = obstacle_scene(&query(&robot, None, Holding::Nothing), &view(&robot));
+        let strict = obstacle_scene(&query(&robot, None, Held::Nothing), &view(&robot));
         assert!(!strict.is_free(&ArmSpheres::new(&robot), &goal));
     }
 
@@ -256,7 +256,7 @@ mod tests {
                 .points()
                 .to_vec()
         };
-        assert_eq!(left(Holding::Object), [below]);
-        assert_eq!(left(Holding::Nothing).len(), 2);
+        assert_eq!(left(Held::Object), [below]);
+        assert_eq!(left(Held::Nothing).len(), 2);
     }
 }

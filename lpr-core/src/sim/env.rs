@@ -216,9 +216,9 @@ impl SimEnvironment {
         let observation = self.observe();
         let points: Vec<Vec3> = observation.colored_points().map(|(point, _)| point).collect();
         let holding = if self.world.holding() == Holding::Nothing {
-            scene::Holding::Nothing
+            scene::Held::Nothing
         } else {
-            scene::Holding::Object
+            scene::Held::Object
         };
         let query =
             ObstacleQuery { robot: self.robot, measured: self.world.config(), goal, holding };

@@ -2,7 +2,7 @@
 
 use crate::agent::Exploration;
 use crate::error::{Error, Result};
-use crate::q_attention::Weights;
+use crate::q_attention::ActingNetwork;
 
 use serde::{Deserialize, Serialize};
 
@@ -21,7 +21,7 @@ pub struct TrainSettings {
     /// Transitions of an update of Q-attention (released: 128).
     pub q_attention_batch: usize,
     /// Which weights of Q-attention choose poses (paper: those that gradients change).
-    pub acting_weights: Weights,
+    pub acting_weights: ActingNetwork,
     /// Updates of ranker and policy after every environment step (released: about 1).
     pub path_updates_per_step: usize,
     /// Transitions of an update of ranker and policy (released: 128).

@@ -25,7 +25,7 @@ pub(super) fn energy(course: &[JointConfig]) -> f32 {
 
 /// A gap as a linear function of the path.
 #[derive(Debug)]
-struct Row {
+struct LinearGap {
     edge: usize,
     fraction: f32,
     gradient: [f32; DOF],
@@ -41,7 +41,7 @@ struct Row {
 /// A convex problem.
 #[derive(Debug)]
 pub(super) struct Convex {
-    rows: Vec<Row>,
+    gaps: Vec<LinearGap>,
     penalty: f32,
 }
 
@@ -53,17 +53,17 @@ impl Convex {
         safe_distance: f32,
         penalty: f32,
     ) -> Self {
-        let rows = near
+        let gaps = near
             .iter()
-            .map(|touch| Row::new(course, touch, safe_distance))
-            .filter(|row| row.curvature > 0.0);
-        Self { rows: rows.collect(), penalty }
+            .map(|touch| LinearGap::new(course, touch, safe_distance))
+            .filter(|gap| gap.curvature > 0.0);
+        Self { gaps: gaps.collect(), penalty }
     }
 
     /// Its value on `course`.
     pub(super) fn cost(&self, course: &[JointConfig]) -> f32 {
         energy(course)
-            + self.penalty * self.rows.iter().map(|row| row.shortfall(course).max(0.0)).sum::<f32>()
+            + self.penalty * self.gaps.iter().map(|gap| gap.shortfall(course).max(0.0)).sum::<f32>()
     }
 
     /// The best course within `limits` none of whose joints is further than `trust` (radians) from
@@ -79,12 +79,12 @@ impl Convex {
         let bounds: Vec<Bounds> =
             course.iter().map(|config| trusted(config, trust, limits)).collect();
         let mut x = straight_course(&course[0], &[], &course[n + 1], n);
-        let mut multipliers = vec![0.0; self.rows.len()];
+        let mut multipliers = vec![0.0; self.gaps.len()];
         let mut holds = vec![[0.0; DOF]; n + 2];
         for _ in 0..sweeps {
             let mut moved: f32 = 0.0;
-            for (row, multiplier) in self.rows.iter().zip(&mut multipliers) {
-                moved = moved.max(row.ascend(&mut x, multiplier, self.penalty));
+            for (gap, multiplier) in self.gaps.iter().zip(&mut multipliers) {
+                moved = moved.max(gap.ascend(&mut x, multiplier, self.penalty));
             }
             for k in 1..=n {
                 moved = moved.max(hold(&mut x, k, &bounds[k], &mut holds[k]));
@@ -105,7 +105,7 @@ fn trusted(config: &JointConfig, trust: f32, limits: &Bounds) -> Bounds {
     })
 }
 
-impl Row {
+impl LinearGap {
     fn new(course: &[JointConfig], touch: &Touch, safe_distance: f32) -> Self {
         let Touch { edge, fraction, proximity } = *touch;
         let n = course.len() - 2;
@@ -118,10 +118,10 @@ impl Row {
         let response: Vec<f32> = (0..n + 2).map(follow).collect();
         let slope: f32 = proximity.gradient.iter().map(|g| g * g).sum();
         let curvature = slope * ((1.0 - fraction) * response[edge] + fraction * response[edge + 1]);
-        let mut row =
+        let mut gap =
             Self { edge, fraction, gradient: proximity.gradient, level: 0.0, response, curvature };
-        row.level = safe_distance - proximity.distance - row.shortfall(course);
-        row
+        gap.level = safe_distance - proximity.distance - gap.shortfall(course);
+        gap
     }
 
     /// How far the gap is short, metres; negative when it is wider than it has to be.

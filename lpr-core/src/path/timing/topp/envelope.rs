@@ -4,11 +4,11 @@
 //! width `h`, the path's acceleration on it is `u = (y - x) / 2h`, and its squared speed is linear
 //! along it. A joint's acceleration `q' u + q'' ẋ²` is then a polynomial of degree 2 in the chord
 //! length and the square of its velocity one of degree 5. A polynomial is never above its largest
-//! Bernstein coefficient, and these are linear in `x` and `y`: limits become rows
+//! Bernstein coefficient, and these are linear in `x` and `y`: limits become constraints
 //! `|a x + b y| ≤ 1`, and what keeps them keeps the limits on all of the interval, not only where
 //! it was looked at.
 //!
-//! Every row leaves room around the origin, so that the largest `x` follows from one variable:
+//! Every constraint leaves room around the origin, so that the largest `x` follows from one variable:
 //! along the ray `y = r x` it is one over the largest `|a + b r|`, a convex function of `r`.
 
 use super::grid::Interval;
@@ -16,18 +16,18 @@ use super::spline::Piece;
 use crate::path::timing::motion_limits::MotionLimits;
 use crate::robot::DOF;
 
-/// Rows of a joint: three coefficients of its acceleration and six of its squared velocity.
-const ROWS_PER_JOINT: usize = 9;
+/// Constraints of a joint: three coefficients of its acceleration and six of its squared velocity.
+const CONSTRAINTS_PER_JOINT: usize = 9;
 
-/// Rows of an interval: of the joints, six of the grip's speed, the two of [`Rows::of`], and an
+/// Constraints of an interval: of the joints, six of the grip's speed, the two of [`Constraints::of`], and an
 /// empty one.
-const N_ROWS: usize = DOF * ROWS_PER_JOINT + 9;
+const N_CONSTRAINTS: usize = DOF * CONSTRAINTS_PER_JOINT + 9;
 
-/// Share by which rows may be exceeded where `x` is the largest there is: rounding would else leave
+/// Share by which constraints may be exceeded where `x` is the largest there is: rounding would else leave
 /// no `y` beside it.
 const SLACK: f64 = 1e-9;
 
-/// Rows that are compared side by side.
+/// Constraints that are compared side by side.
 const LANES: usize = 4;
 
 /// Squares of path speeds that no limit leaves are cut off here, (rad/s)²: where every derivative
@@ -38,17 +38,17 @@ const MAX_SQUARE: f64 = 1e12;
 /// stands still on its way.
 const LEAST_RATIO: f64 = 1e-4;
 
-/// Rows `|a x + b y| ≤ 1`.
+/// Constraints `|a x + b y| ≤ 1`.
 #[derive(Debug, Clone)]
-pub(super) struct Rows {
-    a: [[f64; LANES]; N_ROWS / LANES],
-    b: [[f64; LANES]; N_ROWS / LANES],
+pub(super) struct Constraints {
+    a: [[f64; LANES]; N_CONSTRAINTS / LANES],
+    b: [[f64; LANES]; N_CONSTRAINTS / LANES],
     n: usize,
 }
 
-/// One side of a row, `a x + b y ≤ 1`, and the line `a + b r` over the rays.
+/// One side of a constraint, `a x + b y ≤ 1`, and the line `a + b r` over the rays.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Row {
+struct Constraint {
     a: f64,
     b: f64,
 }
@@ -60,8 +60,8 @@ pub(super) struct Ray {
     pub(super) max: f64,
 }
 
-impl Rows {
-    /// The rows of an interval at whose end the squared speed is at most `max_end`; 0 leaves that
+impl Constraints {
+    /// The constraints of an interval at whose end the squared speed is at most `max_end`; 0 leaves that
     /// to the caller's ray.
     pub(super) fn of(
         piece: &Piece,
@@ -69,13 +69,16 @@ impl Rows {
         limits: &MotionLimits,
         max_end: f64,
     ) -> Self {
-        let mut rows =
-            Self { a: [[0.0; LANES]; N_ROWS / LANES], b: [[0.0; LANES]; N_ROWS / LANES], n: 0 };
-        rows.push(1.0 / MAX_SQUARE, 0.0);
-        rows.push(0.0, if max_end > 0.0 { 1.0 / max_end } else { 0.0 });
-        rows.push_squared_speed(&interval.grip.0);
-        rows.push_joints(piece, interval, limits);
-        rows
+        let mut constraints = Self {
+            a: [[0.0; LANES]; N_CONSTRAINTS / LANES],
+            b: [[0.0; LANES]; N_CONSTRAINTS / LANES],
+            n: 0,
+        };
+        constraints.push(1.0 / MAX_SQUARE, 0.0);
+        constraints.push(0.0, if max_end > 0.0 { 1.0 / max_end } else { 0.0 });
+        constraints.push_squared_speed(&interval.grip.0);
+        constraints.push_joints(piece, interval, limits);
+        constraints
     }
 
     fn push(&mut self, a: f64, b: f64) {
@@ -101,7 +104,7 @@ impl Rows {
         }
     }
 
-    /// Rows of `slopes u + bends x` within ±`limit`; `slopes` are the coefficients of a parabola,
+    /// Constraints of `slopes u + bends x` within ±`limit`; `slopes` are the coefficients of a parabola,
     /// `bends` those of a line.
     fn push_acceleration(&mut self, slopes: [f64; 3], bends: [f64; 2], width: f64, limit: f64) {
         let per_limit = 1.0 / limit;
@@ -112,7 +115,7 @@ impl Rows {
         self.push(-end, bend_at_end + end);
     }
 
-    /// Rows of a squared speed per path speed, degree 4, times the squared path speed, degree 1.
+    /// Constraints of a squared speed per path speed, degree 4, times the squared path speed, degree 1.
     fn push_squared_speed(&mut self, squares: &[f64; 5]) {
         self.push(squares[0], 0.0);
         for k in 1..5_u8 {
@@ -128,13 +131,13 @@ impl Rows {
         if falling.b >= 0.0 {
             return falling.ray(LEAST_RATIO);
         }
-        let mut rising = Row { a: 0.0, b: 1.0 / max_end };
+        let mut rising = Constraint { a: 0.0, b: 1.0 / max_end };
         // Between its ends the squared speed mostly changes little.
         let near = self.top(1.0);
         *(if near.b > 0.0 { &mut rising } else { &mut falling }) = near;
         let mut best = Ray { ratio: 0.0, max: 0.0 };
-        // Each round finds a row that was not on top before, or is the last.
-        for _ in 0..N_ROWS {
+        // Each round finds a constraint that was not on top before, or is the last.
+        for _ in 0..N_CONSTRAINTS {
             let ratio = (falling.a - rising.a) / (rising.b - falling.b);
             let top = self.top(ratio);
             let ray = top.ray(ratio);
@@ -159,7 +162,7 @@ impl Rows {
         let mut ends = [f64::INFINITY; LANES];
         for (a, b) in self.a.iter().zip(&self.b) {
             for lane in 0..LANES {
-                // The side of the row that bounds from above: infinitely far when `y` is not in it.
+                // The side of the constraint that bounds from above: infinitely far when `y` is not in it.
                 let towards = if b[lane] < 0.0 { -a[lane] } else { a[lane] };
                 let end = (1.0 + SLACK - towards * x) / b[lane].abs();
                 ends[lane] = if end < ends[lane] { end } else { ends[lane] };
@@ -168,8 +171,8 @@ impl Rows {
         ends.into_iter().fold(f64::INFINITY, f64::min).max(ray.ratio * x)
     }
 
-    /// The side of a row whose line is highest at `ratio`.
-    fn top(&self, ratio: f64) -> Row {
+    /// The side of a constraint whose line is highest at `ratio`.
+    fn top(&self, ratio: f64) -> Constraint {
         let (mut top_a, mut top_b, mut heights) =
             (self.a[0], self.b[0], [f64::NEG_INFINITY; LANES]);
         for (a, b) in self.a.iter().zip(&self.b) {
@@ -184,12 +187,12 @@ impl Rows {
         let lane =
             (1..LANES).fold(0, |top, lane| if heights[lane] > heights[top] { lane } else { top });
         let (a, b) = (top_a[lane], top_b[lane]);
-        if a + b * ratio < 0.0 { Row { a: -a, b: -b } } else { Row { a, b } }
+        if a + b * ratio < 0.0 { Constraint { a: -a, b: -b } } else { Constraint { a, b } }
     }
 }
 
-impl Row {
-    /// The end of the ray of that ratio where the row holds.
+impl Constraint {
+    /// The end of the ray of that ratio where the constraint holds.
     fn ray(self, ratio: f64) -> Ray {
         Ray { ratio, max: 1.0 / (self.a + self.b * ratio) }
     }
@@ -242,13 +245,13 @@ mod tests {
             let intervals = grid(&path);
             let interval = intervals[(idx * intervals.len() as f64) as usize];
             let piece = path.piece(interval.piece);
-            let rows = Rows::of(&piece, &interval, &LIMITS, cap);
-            let ray = rows.highest_ray(cap);
+            let constraints = Constraints::of(&piece, &interval, &LIMITS, cap);
+            let ray = constraints.highest_ray(cap);
             let (x, y) = (ray.max, ray.ratio * ray.max);
             prop_assert!(x > 0.0 && y >= 0.0 && y <= cap * (1.0 + 1e-9));
             prop_assert!(greatest_share(&piece, &interval, x, y) <= 1.0 + 1e-9);
             for share in [0.0, 0.3, 0.9, 1.0] {
-                let end = rows.largest_end(share * x, ray);
+                let end = constraints.largest_end(share * x, ray);
                 prop_assert!(end <= cap * (1.0 + 2e-9) && end >= share * y * (1.0 - 1e-12));
                 let greatest = greatest_share(&piece, &interval, share * x, end);
                 prop_assert!(greatest <= 1.0 + 2e-9);
@@ -260,8 +263,8 @@ mod tests {
         fn no_other_ray_goes_higher(path in path(), idx in 0.0..1.0_f64, cap in 0.01..3.0_f64, ratio in 0.0..5.0_f64) {
             let intervals = grid(&path);
             let interval = intervals[(idx * intervals.len() as f64) as usize];
-            let rows = Rows::of(&path.piece(interval.piece), &interval, &LIMITS, cap);
-            prop_assert!(rows.ray(ratio.max(LEAST_RATIO)).max <= rows.highest_ray(cap).max * (1.0 + 1e-12));
+            let constraints = Constraints::of(&path.piece(interval.piece), &interval, &LIMITS, cap);
+            prop_assert!(constraints.ray(ratio.max(LEAST_RATIO)).max <= constraints.highest_ray(cap).max * (1.0 + 1e-12));
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The two passes: how fast the path can be driven at most, from the goal back, and how fast it is
 //! driven, from the start forth.
 
-use super::envelope::{Ray, Rows};
+use super::envelope::{Constraints, Ray};
 use super::grid::Interval;
 use super::ramp::Ramp;
 use super::spline::SmoothPath;
@@ -36,8 +36,9 @@ pub(super) fn squared_speeds(
             rays[idx].ratio * square
         } else {
             let max_end = rays[idx + 1].max;
-            let rows = Rows::of(&path.piece(interval.piece), interval, limits, max_end);
-            rows.largest_end(square, rays[idx]).min(max_end)
+            let constraints =
+                Constraints::of(&path.piece(interval.piece), interval, limits, max_end);
+            constraints.largest_end(square, rays[idx]).min(max_end)
         });
     }
     squares
@@ -54,14 +55,14 @@ fn controllable(
     let mut rays = vec![Ray { ratio: 0.0, max: 0.0 }; intervals.len()];
     let mut max_end = ramps.map_or(0.0, |ramps| ramps.end.max_square);
     for (idx, interval) in intervals.iter().enumerate().rev() {
-        let rows = Rows::of(&path.piece(interval.piece), interval, limits, max_end);
+        let constraints = Constraints::of(&path.piece(interval.piece), interval, limits, max_end);
         rays[idx] = match ramps {
             Some(ramps) if idx + 1 == intervals.len() => {
-                rows.ray(1.0 / growth(interval, &ramps.end))
+                constraints.ray(1.0 / growth(interval, &ramps.end))
             }
-            Some(ramps) if idx == 0 => rows.ray(growth(interval, &ramps.start)),
-            None if idx + 1 == intervals.len() => rows.ray(0.0),
-            _ => rows.highest_ray(max_end),
+            Some(ramps) if idx == 0 => constraints.ray(growth(interval, &ramps.start)),
+            None if idx + 1 == intervals.len() => constraints.ray(0.0),
+            _ => constraints.highest_ray(max_end),
         };
         max_end = rays[idx].max;
     }
