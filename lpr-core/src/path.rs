@@ -19,9 +19,12 @@ pub(crate) use curves::linear_path_in;
 pub use curves::{BezierCurve, BezierSettings, LINEAR_STEPS, ScrewMotion, linear_path};
 pub use joint_path::JointPath;
 pub use planners::{
-    FINER, KpieceSettings, Plan, PlannerKind, PlannerSettings, RrtSettings, SblSettings,
-    StompSettings, TrajoptSettings, kpiece, plan_with, rrt_connect, sbl, shortcut, simplify, stomp,
-    trajopt,
+    FINER, Plan, PlannerKind, PlannerSettings, RrtSettings, plan_with, rrt_connect, shortcut,
+    simplify,
+};
+#[cfg(feature = "planners")]
+pub use planners::{
+    KpieceSettings, SblSettings, StompSettings, TrajoptSettings, kpiece, sbl, stomp, trajopt,
 };
 pub use rejection::Rejection;
 pub use source::Source;

@@ -114,12 +114,14 @@ pub(super) fn sample_within(bounds: &Bounds, rng: &mut Rng) -> JointConfig {
 }
 
 /// The configuration moved into `bounds`.
+#[cfg(feature = "planners")]
 pub(super) fn clamped(config: &JointConfig, bounds: &Bounds) -> JointConfig {
     JointConfig(core::array::from_fn(|j| config[j].max(bounds[j].0).min(bounds[j].1)))
 }
 
 /// A configuration within `bounds`, or moved there, none of whose joints is further than `distance`
 /// (radians) from that of `center`.
+#[cfg(feature = "planners")]
 pub(super) fn sample_near(
     bounds: &Bounds,
     center: &JointConfig,

@@ -1,61 +1,100 @@
-//! All planners behind one function: `RRTConnect`, and those that the paper names as future work.
+//! All planners behind one function: `RRTConnect` and, with the feature `planners`, those that the
+//! paper names as future work.
 
+#[cfg(feature = "planners")]
 use super::kpiece::{KpieceSettings, kpiece};
 use super::plan::Plan;
 use super::rrt_connect::{RrtSettings, rrt_connect};
+#[cfg(feature = "planners")]
 use super::sbl::{SblSettings, sbl};
+#[cfg(feature = "planners")]
 use super::stomp::{StompSettings, stomp};
+#[cfg(feature = "planners")]
 use super::trajopt::{TrajoptSettings, trajopt};
+use crate::error::{Error, Result};
 use crate::path::rejection::Rejection;
 use crate::rng::Rng;
 use crate::robot::JointConfig;
 use crate::scene::MotionChecker;
 use serde::{Deserialize, Serialize};
 
-/// Which planner.
+/// The words of the planners that the feature `planners` brings.
+const FURTHER: [&str; 4] = ["sbl", "kpiece", "trajopt", "stomp"];
+
+/// The choice of a planner. All but the paper's need the feature `planners`.
 ///
 /// ```
 /// use lpr_core::path::PlannerKind;
 ///
-/// let named = |name: &str| PlannerKind::ALL.into_iter().find(|kind| kind.name() == name);
-/// assert_eq!(named("sbl"), Some(PlannerKind::Sbl));
-/// assert_eq!((named("prm"), PlannerKind::default()), (None, PlannerKind::RrtConnect));
+/// assert_eq!(PlannerKind::by_name("rrt-connect"), Ok(PlannerKind::default()));
+/// let message = PlannerKind::by_name("prm").unwrap_err().to_string();
+/// assert!(message.starts_with("configuration: planner: expected one of rrt-connect"), "{message}");
+/// assert!(message.ends_with("found 'prm'"), "{message}");
 /// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "&'static str")]
 pub enum PlannerKind {
     /// [`rrt_connect`], the paper's.
     #[default]
-    #[serde(rename = "rrt-connect")]
     RrtConnect,
     /// [`sbl`].
-    #[serde(rename = "sbl")]
+    #[cfg(feature = "planners")]
     Sbl,
     /// [`kpiece`].
-    #[serde(rename = "kpiece")]
+    #[cfg(feature = "planners")]
     Kpiece,
     /// [`trajopt`].
-    #[serde(rename = "trajopt")]
+    #[cfg(feature = "planners")]
     TrajOpt,
     /// [`stomp`].
-    #[serde(rename = "stomp")]
+    #[cfg(feature = "planners")]
     Stomp,
 }
 
 impl PlannerKind {
-    /// All of them.
-    pub const ALL: [Self; 5] =
-        [Self::RrtConnect, Self::Sbl, Self::Kpiece, Self::TrajOpt, Self::Stomp];
+    /// All that this build has.
+    pub const ALL: &[Self] = &[
+        Self::RrtConnect,
+        #[cfg(feature = "planners")]
+        Self::Sbl,
+        #[cfg(feature = "planners")]
+        Self::Kpiece,
+        #[cfg(feature = "planners")]
+        Self::TrajOpt,
+        #[cfg(feature = "planners")]
+        Self::Stomp,
+    ];
 
     /// A fixed word for files, the command line and counting.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
             Self::RrtConnect => "rrt-connect",
+            #[cfg(feature = "planners")]
             Self::Sbl => "sbl",
+            #[cfg(feature = "planners")]
             Self::Kpiece => "kpiece",
+            #[cfg(feature = "planners")]
             Self::TrajOpt => "trajopt",
+            #[cfg(feature = "planners")]
             Self::Stomp => "stomp",
         }
+    }
+
+    /// The planner of that name.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Config`] when there is none of that name, or this build leaves it out.
+    pub fn by_name(name: &str) -> Result<Self> {
+        if let Some(kind) = Self::ALL.iter().find(|kind| kind.name() == name) {
+            return Ok(*kind);
+        }
+        let known: Vec<_> = Self::ALL.iter().map(|kind| kind.name()).collect();
+        let left_out =
+            if FURTHER.contains(&name) { " (built without the feature planners)" } else { "" };
+        let known = known.join(", ");
+        Err(Error::Config(format!("planner: expected one of {known}, found '{name}'{left_out}")))
     }
 
     /// Whether it is `RRTConnect`, which settings files need not name.
@@ -68,6 +107,20 @@ impl PlannerKind {
     }
 }
 
+impl TryFrom<String> for PlannerKind {
+    type Error = Error;
+
+    fn try_from(name: String) -> Result<Self> {
+        Self::by_name(&name)
+    }
+}
+
+impl From<PlannerKind> for &'static str {
+    fn from(kind: PlannerKind) -> Self {
+        kind.name()
+    }
+}
+
 /// Numbers of every planner.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -75,12 +128,16 @@ pub struct PlannerSettings {
     /// Of [`rrt_connect`].
     pub rrt: RrtSettings,
     /// Of [`sbl`].
+    #[cfg(feature = "planners")]
     pub sbl: SblSettings,
     /// Of [`kpiece`].
+    #[cfg(feature = "planners")]
     pub kpiece: KpieceSettings,
     /// Of [`trajopt`].
+    #[cfg(feature = "planners")]
     pub trajopt: TrajoptSettings,
     /// Of [`stomp`].
+    #[cfg(feature = "planners")]
     pub stomp: StompSettings,
 }
 
@@ -90,9 +147,13 @@ impl PlannerSettings {
     pub const fn standard(rrt: RrtSettings) -> Self {
         Self {
             rrt,
+            #[cfg(feature = "planners")]
             sbl: SblSettings::STANDARD,
+            #[cfg(feature = "planners")]
             kpiece: KpieceSettings::STANDARD,
+            #[cfg(feature = "planners")]
             trajopt: TrajoptSettings::STANDARD,
+            #[cfg(feature = "planners")]
             stomp: StompSettings::STANDARD,
         }
     }
@@ -110,7 +171,7 @@ impl PlannerSettings {
 /// let (scene, arm) = (Scene::from_primitives(vec![around_the_hand]), ArmSpheres::new(&PANDA));
 /// let checker = MotionChecker::new(&scene, &arm, 32.0);
 /// let settings = PlannerSettings::standard(RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 5000 });
-/// for kind in PlannerKind::ALL {
+/// for &kind in PlannerKind::ALL {
 ///     let rng = &mut stream(0, Stream::Planner, 0);
 ///     let plan = plan_with(kind, &checker, &PANDA.start, &[PANDA.start], &settings, rng);
 ///     assert_eq!(plan, Err(Rejection::StartCollides), "{}", kind.name());
@@ -130,14 +191,18 @@ pub fn plan_with(
 ) -> Result<Plan, Rejection> {
     match kind {
         PlannerKind::RrtConnect => rrt_connect(checker, start, goals, &settings.rrt, rng),
+        #[cfg(feature = "planners")]
         PlannerKind::Sbl => sbl(checker, start, goals, &settings.sbl, rng),
+        #[cfg(feature = "planners")]
         PlannerKind::Kpiece => kpiece(checker, start, goals, &settings.kpiece, rng),
+        #[cfg(feature = "planners")]
         PlannerKind::TrajOpt => trajopt(checker, start, goals, &settings.trajopt, rng),
+        #[cfg(feature = "planners")]
         PlannerKind::Stomp => stomp(checker, start, goals, &settings.stomp, rng),
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "planners"))]
 mod tests {
     use super::*;
     use crate::path::joint_path::JointPath;
@@ -197,7 +262,7 @@ mod tests {
     #[test]
     fn every_planner_finds_ways_around_a_post() {
         let (scene, ends) = (post(), [turned(-0.8), turned(0.8)]);
-        for kind in PlannerKind::ALL {
+        for &kind in PlannerKind::ALL {
             for seed in 0..4 {
                 let plan = plan(kind, &scene, ends, seed)
                     .unwrap_or_else(|reason| panic!("{}: {reason:?}", kind.name()));
@@ -210,7 +275,7 @@ mod tests {
     #[test]
     fn all_but_stomp_find_ways_through_a_narrow_window() {
         let (scene, ends) = (wall_with_window(), [turned(-0.7), turned(0.7)]);
-        for kind in PlannerKind::ALL.into_iter().filter(|kind| *kind != PlannerKind::Stomp) {
+        for kind in PlannerKind::ALL.iter().copied().filter(|kind| *kind != PlannerKind::Stomp) {
             for seed in 0..5 {
                 let plan = plan(kind, &scene, ends, seed)
                     .unwrap_or_else(|reason| panic!("{}: {reason:?}", kind.name()));
@@ -242,7 +307,7 @@ mod tests {
     #[test]
     fn a_seed_gives_one_path() {
         let (scene, ends) = (post(), [turned(-0.8), turned(0.8)]);
-        for kind in PlannerKind::ALL {
+        for &kind in PlannerKind::ALL {
             assert_eq!(plan(kind, &scene, ends, 1), plan(kind, &scene, ends, 1), "{}", kind.name());
         }
     }
@@ -250,7 +315,7 @@ mod tests {
     #[test]
     fn a_straight_way_is_taken_by_every_planner() {
         let ends = [turned(-0.7), turned(-1.2)];
-        for kind in PlannerKind::ALL {
+        for &kind in PlannerKind::ALL {
             let straight = Plan { path: JointPath(ends.to_vec()), iterations: 0 };
             assert_eq!(plan(kind, &wall_with_window(), ends, 0), Ok(straight));
         }
@@ -266,7 +331,7 @@ mod tests {
         settings.kpiece.max_iterations = 0;
         settings.trajopt.beginnings = 0;
         settings.stomp.beginnings = 0;
-        for kind in PlannerKind::ALL {
+        for &kind in PlannerKind::ALL {
             let plan = |start, goals: &[JointConfig]| {
                 plan_with(
                     kind,
@@ -294,7 +359,7 @@ mod tests {
     fn goals_outside_the_limits_are_no_goals_and_ends_that_are_no_numbers_no_ends() {
         let far = JointConfig(turned(-1.2).map(|q| q + 9.0));
         let broken = JointConfig([f32::NAN; DOF]);
-        for kind in PlannerKind::ALL {
+        for &kind in PlannerKind::ALL {
             let plan = |start, goals: &[JointConfig]| {
                 let (scene, arm) = (Scene::empty(), ArmSpheres::new(&stick_arm()));
                 let checker = MotionChecker::new(&scene, &arm, 32.0);
@@ -322,7 +387,7 @@ mod tests {
         let mut beyond = turned(-0.7);
         beyond[5] = robot.joints[5].upper + 0.02;
         assert!(!robot.within_limits(&beyond));
-        for kind in PlannerKind::ALL {
+        for &kind in PlannerKind::ALL {
             let found = plan(kind, &wall_with_window(), [beyond, turned(-1.2)], 0)
                 .expect("nothing is in the way");
             assert_eq!((*found.path.start(), *found.path.goal()), (beyond, turned(-1.2)));
@@ -331,7 +396,7 @@ mod tests {
 
     #[test]
     fn the_world_may_be_empty() {
-        for kind in PlannerKind::ALL {
+        for &kind in PlannerKind::ALL {
             let found = plan(kind, &Scene::empty(), [turned(-0.7), turned(0.7)], 0)
                 .expect("nothing is in the way");
             assert_eq!(found.iterations, 0);
@@ -341,7 +406,7 @@ mod tests {
     #[test]
     fn a_planner_stops_when_it_is_told_to_and_asks_in_every_iteration() {
         let (scene, arm) = (wall_with_window(), ArmSpheres::new(&stick_arm()));
-        for kind in PlannerKind::ALL {
+        for &kind in PlannerKind::ALL {
             let questions = core::cell::Cell::new(0);
             let stop = || {
                 questions.set(questions.get() + 1);
@@ -377,7 +442,7 @@ mod tests {
 
     #[test]
     fn names_are_those_of_settings_files() {
-        for kind in PlannerKind::ALL {
+        for &kind in PlannerKind::ALL {
             assert_eq!(
                 toml::Value::try_from(kind),
                 Ok(toml::Value::String(kind.name().to_owned()))
@@ -455,7 +520,7 @@ mod tests {
         fn settings_that_make_no_sense_give_a_free_path_or_a_reason(settings in odd_settings(), seed in 0..1000_u64) {
             let (scene, arm) = (wall_with_window(), ArmSpheres::new(&stick_arm()));
             let checker = MotionChecker::new(&scene, &arm, 32.0);
-            for kind in PlannerKind::ALL {
+            for &kind in PlannerKind::ALL {
                 let rng = &mut stream(seed, Stream::Planner, 0);
                 if let Ok(plan) = plan_with(kind, &checker, &turned(-0.7), &[turned(0.7)], &settings, rng) {
                     prop_assert!(checker.path_is_free(plan.path.configs()), "{}", kind.name());
@@ -475,7 +540,7 @@ mod tests {
             let ball = |&(x, y, z, radius): &(f32, f32, f32, f32)| Primitive::Sphere { center: Vec3::new(x, y, z), radius };
             let scene = Scene::from_primitives(balls.iter().map(ball).collect());
             let ends = turns.map(turned);
-            for kind in PlannerKind::ALL {
+            for &kind in PlannerKind::ALL {
                 if let Ok(plan) = plan(kind, &scene, ends, seed) {
                     assert_sound(&scene, &plan.path, ends);
                 }
