@@ -21,6 +21,7 @@
 
 #[cfg(feature = "learn")]
 pub mod agent;
+mod check;
 #[cfg(feature = "learn")]
 pub mod checkpoint;
 #[cfg(feature = "learn")]

@@ -8,6 +8,7 @@
 
 use super::parameters::{NamedTensor, export, find, map_values};
 use super::values::values;
+use crate::check::setting;
 use crate::error::{Error, Result};
 
 use burn::module::{Module, ModuleVisitor, Param};
@@ -31,6 +32,27 @@ pub struct AdamSettings {
     pub l2: f32,
     /// Limit of the gradients.
     pub clip: GradientClip,
+}
+
+impl AdamSettings {
+    /// Checks the ranges of all numbers.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Config`] naming the first setting that is negative or not finite.
+    pub fn check(&self) -> Result<()> {
+        let limit = match self.clip {
+            GradientClip::None => 0.0,
+            GradientClip::Value(limit) | GradientClip::Norm(limit) => limit,
+        };
+        for (name, number) in
+            [("adam.learning_rate", self.learning_rate), ("adam.l2", self.l2), ("adam.clip", limit)]
+        {
+            let holds = number.is_finite() && number >= 0.0;
+            setting(holds, name, "a finite number from 0", number)?;
+        }
+        Ok(())
+    }
 }
 
 /// Limit of the gradients of one update.

@@ -53,7 +53,7 @@ impl ActionCodec {
     ///
     /// When the settings do not fit together, or `bounds` has no volume.
     pub fn new(settings: &QAttentionSettings, bounds: VoxelBounds) -> Result<Self> {
-        settings.validate()?;
+        settings.check()?;
         Ok(Self {
             scene: VoxelSpace::new(bounds, [settings.voxels_per_side; 3])?,
             zoom_half_widths: settings.zoom_half_widths.clone(),

@@ -1,6 +1,7 @@
 //! The buffer: rows, their priorities and the draws from them.
 
 use super::sum_tree::SumTree;
+use crate::check::setting;
 use crate::error::{Error, Result};
 use crate::rng::Rng;
 
@@ -30,19 +31,13 @@ impl ReplaySettings {
     ///
     /// [`Error::Config`] without capacity, or with a negative exponent.
     pub fn check(&self) -> Result<()> {
-        if self.capacity == 0 {
-            return Err(Error::Config("replay.capacity: expected at least 1, found 0".to_owned()));
-        }
-        let exponents = [
-            ("priority_exponent", self.priority_exponent),
-            ("importance_exponent", self.importance_exponent),
-        ];
-        for (name, exponent) in exponents {
-            if !(exponent.is_finite() && exponent >= 0.0) {
-                return Err(Error::Config(format!(
-                    "replay.{name}: expected at least 0, found {exponent}"
-                )));
-            }
+        setting(self.capacity >= 1, "replay.capacity", "at least 1", self.capacity)?;
+        for (name, exponent) in [
+            ("replay.priority_exponent", self.priority_exponent),
+            ("replay.importance_exponent", self.importance_exponent),
+        ] {
+            let holds = exponent.is_finite() && exponent >= 0.0;
+            setting(holds, name, "a finite number from 0", exponent)?;
         }
         Ok(())
     }

@@ -1,8 +1,9 @@
 //! Paths of the baselines that rank nothing.
 
-use crate::path::candidates::{
-    CandidatePath, CandidateSettings, CandidateStreams, PathQuery, goal_configs,
-};
+use super::generator::goal_configs;
+use super::query::{CandidateStreams, PathQuery};
+use super::set::CandidatePath;
+use super::settings::CandidateSettings;
 use crate::path::curves::linear_path;
 use crate::path::joint_path::JointPath;
 use crate::path::rejection::Rejection;
@@ -15,23 +16,12 @@ use crate::scene::{ArmSpheres, MotionChecker};
 ///
 /// ```
 /// use lpr_core::glamx::{Pose3, Quat, Vec3};
-/// use lpr_core::path::{BezierSettings, CandidateSettings, CandidateStreams, PathQuery, PlannerKind, RrtSettings};
-/// use lpr_core::path::{Rejection, Source, c2farm_path, linear_candidate};
+/// use lpr_core::path::{CandidateSettings, CandidateStreams, PathQuery, Rejection, Source};
+/// use lpr_core::path::{c2farm_path, linear_candidate};
 /// use lpr_core::robot::XARM7;
 /// use lpr_core::scene::Scene;
 ///
-/// let settings = CandidateSettings {
-///     path_len: 10,
-///     planner_paths: 4,
-///     bezier_paths: 4,
-///     screw_paths: 0,
-///     planner_collision_free_fraction: 0.5,
-///     draws_per_path: 5,
-///     min_goal_distance: 0.2,
-///     planner: PlannerKind::RrtConnect,
-///     rrt: RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 500 },
-///     bezier: BezierSettings { sigma: 0.25 },
-/// };
+/// let settings = CandidateSettings::EXAMPLE;
 /// // From one side of the base to the other: the straight line of the grip leads through it.
 /// let at = |y: f32| Pose3::from_parts(Vec3::new(0.0, y, 0.1), Quat::from_rotation_x(core::f32::consts::PI));
 /// let start = XARM7.ik_nearest(&at(-0.4), &XARM7.start).ok_or(Rejection::Unreachable)?;

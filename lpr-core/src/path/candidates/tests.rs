@@ -1,25 +1,27 @@
+use super::generator::goal_configs;
 use super::*;
-use crate::path::candidates::baseline::{c2farm_path, linear_candidate};
-use crate::robot::{ROBOTS, XARM7};
+use crate::error::Error;
+use crate::path::curves::BezierSettings;
+use crate::path::joint_path::JointPath;
+use crate::path::planners::PlannerKind;
+use crate::path::rejection::Rejection;
+use crate::path::source::Source;
+use crate::robot::{JointConfig, ROBOTS, Robot, XARM7};
 use crate::scene::stick_arm::stick_arm;
-use crate::scene::{Holding, ObstacleQuery, Primitive, obstacle_scene};
-use glamx::{Quat, Vec2, Vec3};
+use crate::scene::{
+    ArmSpheres, Held, MotionChecker, ObstacleQuery, Primitive, Scene, obstacle_scene,
+};
+use glamx::{Pose3, Quat, Vec2, Vec3};
 use proptest::prelude::*;
 
 const STREAMS: CandidateStreams = CandidateStreams { seed: 11, step: 3 };
 
 fn settings() -> CandidateSettings {
     CandidateSettings {
-        path_len: 10,
         planner_paths: 8,
         bezier_paths: 6,
-        screw_paths: 0,
-        planner_collision_free_fraction: 0.5,
-        draws_per_path: 5,
-        min_goal_distance: 0.2,
-        planner: PlannerKind::RrtConnect,
-        rrt: RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 500 },
         bezier: BezierSettings { sigma: 0.1 },
+        ..CandidateSettings::EXAMPLE
     }
 }
 
@@ -40,12 +42,8 @@ fn tabletop(robot: &Robot, goal: &Pose3) -> Scene {
     });
     let post = (0..30_u8).map(|z| Vec3::new(0.5, 0.1, 0.02 * f32::from(z)));
     let points: Vec<Vec3> = table.chain(post).collect();
-    let query = ObstacleQuery {
-        robot,
-        measured: &robot.start,
-        goal: Some(goal),
-        holding: Holding::Nothing,
-    };
+    let query =
+        ObstacleQuery { robot, measured: &robot.start, goal: Some(goal), holding: Held::Nothing };
     obstacle_scene(&query, &points)
 }
 
@@ -291,6 +289,7 @@ fn the_baseline_goes_straight_and_where_it_cannot_takes_the_nearest_goal() {
     }
 }
 
+#[cfg(feature = "planners")]
 #[test]
 fn every_planner_gives_candidates_that_do_not_collide() {
     let robot = stick_arm();
@@ -299,7 +298,7 @@ fn every_planner_gives_candidates_that_do_not_collide() {
     let post = Primitive::Capsule { a: foot, b: foot + at.z * Vec3::Z, radius: 0.02 };
     let scene = Scene::from_primitives(vec![post]);
     let mut sets = Vec::new();
-    for planner in PlannerKind::ALL {
+    for &planner in PlannerKind::ALL {
         let settings = CandidateSettings {
             planner,
             planner_collision_free_fraction: 1.0,
@@ -320,10 +319,46 @@ fn settings_that_name_no_planner_mean_rrt_connect_and_are_written_as_they_were()
     let written = toml::to_string(&settings()).unwrap();
     assert!(!written.contains("planner ="), "{written}");
     assert_eq!(toml::from_str::<CandidateSettings>(&written), Ok(settings()));
+}
+
+#[cfg(feature = "planners")]
+#[test]
+fn settings_name_a_planner_by_its_word() {
     let other = CandidateSettings { planner: PlannerKind::Stomp, ..settings() };
     let written = toml::to_string(&other).unwrap();
     assert!(written.contains("planner = \"stomp\""), "{written}");
     assert_eq!(toml::from_str::<CandidateSettings>(&written), Ok(other));
+}
+
+/// The planner that settings with that word name, or what is wrong with it.
+fn planner_named(word: &str) -> Result<PlannerKind, String> {
+    let mut table: toml::Table = toml::to_string(&settings()).unwrap().parse().unwrap();
+    table.insert("planner".to_owned(), word.into());
+    let text = toml::to_string(&table).unwrap();
+    let settings = toml::from_str::<CandidateSettings>(&text);
+    settings.map(|settings| settings.planner).map_err(|error| error.to_string())
+}
+
+#[test]
+fn an_unknown_planner_is_named_with_those_that_there_are() {
+    assert_eq!(planner_named("rrt-connect"), Ok(PlannerKind::RrtConnect));
+    let message = planner_named("prm").unwrap_err();
+    assert!(message.contains("planner: expected one of rrt-connect"), "{message}");
+    assert!(message.contains("found 'prm'") && !message.contains("built without"), "{message}");
+}
+
+#[test]
+fn a_planner_is_known_or_said_to_be_left_out_of_this_build() {
+    for word in ["sbl", "kpiece", "trajopt", "stomp"] {
+        let left_out = format!("found '{word}' (built without the feature planners)");
+        match planner_named(word) {
+            Ok(kind) => assert_eq!((kind.name(), cfg!(feature = "planners")), (word, true)),
+            Err(message) => {
+                assert!(!cfg!(feature = "planners"), "{message}");
+                assert!(message.contains(&left_out), "{message}");
+            }
+        }
+    }
 }
 
 #[test]

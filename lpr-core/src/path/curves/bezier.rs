@@ -8,6 +8,8 @@
 //!   metres² (0.45 m) leaves few curves within reach.
 
 use super::follow::follow;
+use crate::check::setting;
+use crate::error::Result;
 use crate::path::joint_path::JointPath;
 use crate::path::rejection::Rejection;
 use crate::rng::{Rng, normal};
@@ -34,6 +36,18 @@ pub struct BezierSettings {
     /// Standard deviation of the middle control point per axis, metres (the paper's "variance 0.2"
     /// is 0.447).
     pub sigma: f32,
+}
+
+impl BezierSettings {
+    /// Checks the range of the spread.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Config`](crate::Error::Config) when it is not a finite number from 0.
+    pub fn check(&self) -> Result<()> {
+        let holds = self.sigma.is_finite() && self.sigma >= 0.0;
+        setting(holds, "bezier.sigma", "a finite number from 0", self.sigma)
+    }
 }
 
 /// A curve of the grip from one pose to another.

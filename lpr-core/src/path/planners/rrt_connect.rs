@@ -11,6 +11,8 @@
 
 use super::plan::{Plan, sample_within, sampling_bounds, search_twice};
 use super::tree::Tree;
+use crate::check::setting;
+use crate::error::Result;
 use crate::path::joint_path::JointPath;
 use crate::path::rejection::Rejection;
 use crate::rng::Rng;
@@ -41,6 +43,20 @@ pub struct RrtSettings {
     pub checks_per_radian: f32,
     /// Samples before the planner gives up.
     pub max_iterations: u32,
+}
+
+impl RrtSettings {
+    /// Checks the ranges of all numbers.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Config`](crate::Error::Config) naming the first setting that is out of its range.
+    pub fn check(&self) -> Result<()> {
+        let Self { range, checks_per_radian, max_iterations: _ } = *self;
+        setting(range > 0.0, "rrt.range", "a number above 0", range)?;
+        let holds = checks_per_radian.is_finite() && checks_per_radian > 0.0;
+        setting(holds, "rrt.checks_per_radian", "a finite number above 0", checks_per_radian)
+    }
 }
 
 /// A free path from `start` to any of `goals`.

@@ -1,6 +1,7 @@
-//! What the joints may do: limits of motions that are given a time.
+//! Limits of motions that are given a time.
 
-use crate::error::{Error, Result};
+use crate::check::setting;
+use crate::error::Result;
 use crate::robot::{DOF, Robot};
 
 /// The range of all limits, in their units of metres, radians and seconds: squares and quotients of
@@ -18,7 +19,7 @@ const RANGE: core::ops::RangeInclusive<f64> = 1e-9..=1e12;
 /// let limits = MotionLimits { velocity: [1.0; 7], acceleration: [4.0; 7], jerk: Some([20.0; 7]) };
 /// assert_eq!(limits.check(), Ok(()));
 /// let stuck = MotionLimits { velocity: [1.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0], ..limits };
-/// assert_eq!(stuck.check().unwrap_err().to_string(), "configuration: limits.velocity[2]: 1e-9 to 1e12, got 0");
+/// assert_eq!(stuck.check().unwrap_err().to_string(), "configuration: limits.velocity[2]: expected 1e-9 to 1e12, found 0");
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MotionLimits {
@@ -78,12 +79,10 @@ impl GripSpeedLimit<'_> {
 }
 
 fn check_positive(name: &str, limits: &[f64]) -> Result<()> {
-    match limits.iter().position(|limit| !RANGE.contains(limit)) {
-        None => Ok(()),
-        Some(idx) => {
-            Err(Error::Config(format!("limits.{name}[{idx}]: 1e-9 to 1e12, got {}", limits[idx])))
-        }
-    }
+    limits.iter().enumerate().try_for_each(|(idx, limit)| {
+        let name = format!("limits.{name}[{idx}]");
+        setting(RANGE.contains(limit), &name, "1e-9 to 1e12", limit)
+    })
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! When a path is where: one speed profile along its length in joint space.
+//! One speed profile along the length of a path in joint space.
 //!
 //! The speed rises at constant acceleration to a constant speed and falls back likewise (a
 //! trapezoid, or a triangle on short paths). Computed in f64.
@@ -7,7 +7,8 @@
 //! simulator, whose arm is kinematic; a bound on the accelerations there is the business of the
 //! real arm's executor.
 
-use crate::error::{Error, Result};
+use crate::check::setting;
+use crate::error::Result;
 use crate::path::joint_path::JointPath;
 use crate::robot::{DOF, JointConfig, Robot};
 use serde::{Deserialize, Serialize};
@@ -20,6 +21,24 @@ pub struct TimingSettings {
     pub max_velocity: f32,
     /// Acceleration along the path in joint space, rad/s².
     pub max_acceleration: f32,
+}
+
+impl TimingSettings {
+    /// Checks that speed and acceleration are positive numbers.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Config`](crate::Error::Config) naming the first that is not.
+    pub fn check(&self) -> Result<()> {
+        let Self { max_velocity, max_acceleration } = *self;
+        for (name, number) in
+            [("timing.max_velocity", max_velocity), ("timing.max_acceleration", max_acceleration)]
+        {
+            let holds = number.is_finite() && number > 0.0;
+            setting(holds, name, "a finite number above 0", number)?;
+        }
+        Ok(())
+    }
 }
 
 /// A path with the time at which it reaches every point.
@@ -53,14 +72,7 @@ impl TimedPath {
     ///
     /// When a speed or acceleration is not a positive number.
     pub fn new(path: JointPath, robot: &Robot, settings: &TimingSettings) -> Result<Self> {
-        for (name, value) in [
-            ("max_velocity", settings.max_velocity),
-            ("max_acceleration", settings.max_acceleration),
-        ] {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(Error::Config(format!("timing.{name}: above 0, got {value}")));
-            }
-        }
+        settings.check()?;
         let mut lengths = vec![0.0];
         let (mut velocity, mut acceleration) =
             (f64::from(settings.max_velocity), f64::from(settings.max_acceleration));
