@@ -1,4 +1,4 @@
-//! What the agent sees: cameras, observations, voxel grids.
+//! Input of the agent: cameras, observations, voxel grids.
 
 mod augment;
 mod camera;

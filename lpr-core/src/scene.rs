@@ -1,4 +1,4 @@
-//! What the arm must not hit: primitives and the point cloud of a camera, against the robot's
+//! Obstacles of the arm: primitives and the point cloud of a camera, checked against the robot's
 //! spheres.
 //!
 //! Checks run in f32 without fused operations, so that native code and wasm decide alike. The base

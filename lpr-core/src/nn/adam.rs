@@ -67,7 +67,7 @@ pub enum GradientClip {
     Norm(f32),
 }
 
-/// What Adam remembers: part of a checkpoint.
+/// Memory of Adam: part of a checkpoint.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AdamState {
@@ -117,7 +117,7 @@ impl Adam {
         })
     }
 
-    /// What it remembers.
+    /// Its memory.
     pub(crate) const fn state(&self) -> &AdamState {
         &self.state
     }

@@ -1,6 +1,6 @@
 //! The set of candidate paths that the ranker sees (Algorithm 1, lines 8–11).
 //!
-//! What ranks is what runs: every candidate is the `T` configurations that the arm will follow,
+//! The paths ranked are the paths run: every candidate is the `T` configurations that the arm will follow,
 //! joined linearly, and `collides` is computed on them.
 //!
 //! # Differences from the paper

@@ -56,7 +56,7 @@ impl VoxelBounds {
         self.min + self.size
     }
 
-    /// Whether the point is within; the upper faces are not.
+    /// True if the point is within; the upper faces are not.
     #[must_use]
     pub fn contains(&self, point: Vec3) -> bool {
         point.cmpge(self.min).all() && point.cmplt(self.max()).all()
@@ -265,7 +265,7 @@ impl VoxelGrid {
         &self.features[channel * n..(channel + 1) * n]
     }
 
-    /// Whether the voxel holds points.
+    /// True if the voxel holds points.
     #[must_use]
     pub fn is_occupied(&self, voxel: VoxelIndex) -> bool {
         self.channel(OCCUPIED)[self.space.flat_from_voxel(voxel)] > 0.0

@@ -112,14 +112,14 @@ impl ActionCodec {
         self.zoom_half_widths.len() + 1
     }
 
-    /// What depth 0 sees.
+    /// The space of depth 0.
     #[must_use]
     pub fn scene(&self) -> &VoxelSpace {
         &self.scene
     }
 
-    /// What depth `depth_idx` sees when the depth before attends to `center`; none when there is no
-    /// such depth.
+    /// The space of depth `depth_idx` when the depth before attends to `center`; none when there is
+    /// no such depth.
     #[must_use]
     pub fn zoom(&self, depth_idx: usize, center: Vec3) -> Option<VoxelSpace> {
         if depth_idx == 0 {

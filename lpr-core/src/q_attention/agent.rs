@@ -33,7 +33,7 @@ pub struct QAttention {
     device: Device,
 }
 
-/// What learns at one depth.
+/// The networks of one depth and their optimiser.
 #[derive(Debug, Clone)]
 struct Depth {
     online: QNetwork,
@@ -41,7 +41,7 @@ struct Depth {
     adam: Adam,
 }
 
-/// Which of the two networks of a depth to ask.
+/// The choice between the two networks of a depth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ActingNetwork {
@@ -77,7 +77,7 @@ pub struct QDecision {
     pub gripper_values: [f32; 2],
 }
 
-/// What one depth saw and how it valued it.
+/// Input and values of one depth.
 #[derive(Debug, Clone)]
 pub struct DepthDecision {
     /// The voxelised scene or cube.
@@ -94,7 +94,7 @@ pub struct QAttentionState {
     pub depths: Vec<DepthState>,
 }
 
-/// What one depth has learned.
+/// Learned numbers of one depth.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DepthState {
@@ -117,7 +117,7 @@ impl DepthState {
     }
 }
 
-/// What an update did, for the log and the priorities of the replay.
+/// Outcome of an update, for the log and the priorities of the replay.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UpdateReport {
     /// Loss of each depth.
@@ -410,7 +410,7 @@ impl QAttention {
 /// Index of [`Gripper::Open`] among the gripper's values.
 const OPEN: usize = 1;
 
-/// What the samples of a batch did, as a depth sees it.
+/// The actions of a batch as choices of one depth.
 fn labels(depth_idx: usize, batch: &[Augmented<'_>], with_pose: bool, device: &Device) -> Choices {
     let n = batch.len();
     let voxel = batch.iter().map(|sample| sample.depths[depth_idx].flat as i32).collect();
@@ -464,7 +464,7 @@ fn network_input(
 /// Mean positions as fractions of a voxel from its centre, -1 to 1, instead of metres in the world;
 /// zero where nothing is.
 ///
-/// What is learned at one place then holds at every other, and a millimetre is not lost beside a
+/// A lesson from one place then holds at every other, and a millimetre is not lost beside a
 /// metre.
 fn center_positions(grid: &VoxelGrid, features: &mut [f32]) {
     let n_voxels = grid.space.n_voxels();

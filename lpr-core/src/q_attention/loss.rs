@@ -28,7 +28,7 @@ use super::settings::Imitation;
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Int, Tensor};
 
-/// What each sample of a batch chose at one depth.
+/// The choice of each sample of a batch at one depth.
 #[derive(Debug, Clone)]
 pub(super) struct Choices {
     /// `[B, 1]`: voxels, flat.
@@ -61,7 +61,7 @@ pub(super) fn chosen_values(values: &QValues, choices: &Choices) -> Tensor<2> {
     Tensor::cat(vec![voxel, rotation, gripper.clone().gather(1, command.clone())], 1)
 }
 
-/// What the values regress on: `max(0, r + γ V')`, exactly `r` without a next value.
+/// Target of the values: `max(0, r + γ V')`, exactly `r` without a next value.
 pub(super) fn td_target(reward: f32, discount: f32, next_value: Option<f32>) -> f32 {
     (reward + next_value.map_or(0.0, |value| discount * value)).max(0.0)
 }
@@ -85,7 +85,7 @@ pub(super) struct LossWeights {
 /// One number per sample, `[B]` each.
 #[derive(Debug, Clone)]
 pub(super) struct PerSample {
-    /// What the values regress on.
+    /// Targets of the values.
     pub(super) targets: Tensor<1>,
     /// Importance weights.
     pub(super) weights: Tensor<1>,

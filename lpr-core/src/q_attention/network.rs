@@ -13,7 +13,7 @@ use paper::{PaperNetwork, PaperSizes};
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
 
-/// What the network of one depth reads.
+/// Input of the network of one depth.
 #[derive(Debug, Clone)]
 pub struct NetworkInput {
     /// `[B, 10, D H W]`: the channels of [`crate::perception::VoxelGrid`].
@@ -40,7 +40,7 @@ pub struct PoseValues {
     pub gripper: Tensor<2>,
 }
 
-/// What one forward pass of one sample costs.
+/// Cost of one forward pass of one sample.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct NetworkCost {
     /// Trained numbers.
@@ -56,7 +56,7 @@ pub struct QNetwork {
     fast: Option<FastNetwork>,
 }
 
-/// Whether a network also values rotation and gripper.
+/// The parts of an action that a network values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Heads {
     /// Voxels only: every depth but the last.

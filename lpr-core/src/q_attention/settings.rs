@@ -39,7 +39,7 @@ pub struct QAttentionSettings {
     /// Weight of the mean absolute value of all rotation and gripper values (released: 1); the same
     /// rule, over all their bins.
     pub rotation_regularisation: f32,
-    /// What actions of successful episodes add to the loss (paper: nothing).
+    /// Term of the loss for actions of successful episodes (paper: nothing).
     pub imitation: Option<Imitation>,
     /// How far the cube of a later depth is moved away from its label at random, as a fraction of
     /// its half width (released: 0.75).
@@ -76,7 +76,7 @@ impl Imitation {
     }
 }
 
-/// Which network values the voxels of one depth, and how wide it is.
+/// Kind and width of the network of one depth.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum NetworkSettings {

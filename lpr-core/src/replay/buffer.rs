@@ -174,7 +174,7 @@ impl<T> Replay<T> {
         self.added
     }
 
-    /// What a checkpoint stores beside the rows.
+    /// The part of a checkpoint beside the rows.
     #[must_use]
     pub fn state(&self) -> ReplayState {
         ReplayState {

@@ -18,7 +18,7 @@ const BLOCK: usize = 8;
 /// Most configurations of a motion: their fractions are exact in f32.
 const MAX_STEPS: usize = 1 << 23;
 
-/// What a check of a motion found.
+/// Outcome of the check of a motion.
 pub(super) struct Checked {
     pub(super) is_free: bool,
     /// Configurations looked at.
@@ -45,7 +45,7 @@ pub(super) struct Sampled<'a> {
 }
 
 impl Scene {
-    /// Whether the arm at `config` meets neither the scene nor itself.
+    /// True if the arm at `config` meets neither the scene nor itself.
     #[must_use]
     pub fn is_free(&self, arm: &ArmSpheres, config: &JointConfig) -> bool {
         motion_is_free(self, arm, Sampled { a: config, b: config, n_steps: 1, looks: Looks::Ends })
@@ -53,7 +53,7 @@ impl Scene {
     }
 }
 
-/// Whether the arm is free at the configurations of a motion.
+/// Checks the configurations of a motion.
 pub(super) fn motion_is_free(scene: &Scene, arm: &ArmSpheres, motion: Sampled<'_>) -> Checked {
     if !(motion.a.is_finite() && motion.b.is_finite()) {
         return Checked { is_free: false, n_checks: 0 };
@@ -186,7 +186,7 @@ fn clusters_meet<S: Simd>(
     false
 }
 
-/// Whether two balls overlap in any lane.
+/// True if two balls overlap in any lane.
 #[inline(always)]
 fn overlap<S: Simd>(a: Vec3s<S>, radius_a: f32, b: Vec3s<S>, radius_b: f32) -> bool {
     let reach = radius_a + radius_b;

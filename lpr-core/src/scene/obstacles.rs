@@ -40,7 +40,7 @@ const HAND_LENGTH: f32 = 0.25;
 
 /// The load of the gripper.
 ///
-/// What the gripper closed on is not in its own way:
+/// An object in the gripper is not in its own way:
 ///
 /// ```
 /// use lpr_core::glamx::Vec3;
@@ -62,7 +62,7 @@ pub enum Held {
     Object,
 }
 
-/// What the arm knows of itself when it looks at a cloud.
+/// The state of the arm when a cloud is taken.
 #[derive(Debug, Clone, Copy)]
 pub struct ObstacleQuery<'a> {
     /// The arm.
@@ -71,7 +71,7 @@ pub struct ObstacleQuery<'a> {
     pub measured: &'a JointConfig,
     /// `world_from_grip` where it goes next, for the contact rule.
     pub goal: Option<&'a Pose3>,
-    /// Whether it holds something.
+    /// Its load.
     pub holding: Held,
 }
 

@@ -150,7 +150,7 @@ impl Primitive {
 }
 
 impl Primitive {
-    /// Whether every number is finite and no size is below 0.
+    /// True if every number is finite and no size is below 0.
     pub(super) fn is_sound(&self) -> bool {
         let is_size = |size: f32| size.is_finite() && size >= 0.0;
         match self {

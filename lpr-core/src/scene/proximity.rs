@@ -1,4 +1,4 @@
-//! What the arm is near to, by signed distance with its gradient in joint space: for planners that
+//! Obstacles near the arm: signed distances with their gradients in joint space, for planners that
 //! optimise.
 //!
 //! Scalar: a planner looks at a few thousand configurations. The sphere decides, as in the checks:

@@ -24,7 +24,7 @@ pub(super) struct Solids {
     hulls: Vec<HullFaces>,
 }
 
-/// What every kind of solid has.
+/// Numbers that every kind of solid has.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Tag {
     /// Index of the primitive.
@@ -184,7 +184,7 @@ impl Solids {
             .map(|(solid, _)| solid)
     }
 
-    /// Whether in any lane a solid meets a sphere of `link`, whose bounding sphere has its centre
+    /// True if in any lane a solid meets a sphere of `link`, whose bounding sphere has its centre
     /// at `bound`.
     ///
     /// `bit` is the link's; solids that it may touch are passed over.
@@ -231,7 +231,7 @@ impl Solids {
     }
 }
 
-/// Whether a ball meets a solid in any lane, for every kind.
+// `touches` is true if a ball meets the solid in any lane, for every kind of solid.
 impl Ball {
     #[inline(always)]
     fn touches<S: Simd>(&self, center: Vec3s<S>, radius: f32) -> bool {

@@ -11,11 +11,11 @@ use glamx::Pose3;
 pub struct PathQuery<'a> {
     /// The arm.
     pub robot: &'a Robot,
-    /// Where it is.
+    /// The configuration where it stands.
     pub start: JointConfig,
     /// `world_from_grip` where it goes: the next-best pose.
     pub goal: Pose3,
-    /// What it must not hit.
+    /// The obstacles.
     pub scene: &'a Scene,
     /// The path policy's proposal.
     pub policy_path: Option<&'a JointPath>,

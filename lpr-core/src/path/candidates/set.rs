@@ -11,7 +11,7 @@ pub struct CandidatePath {
     pub source: Source,
     /// `T` configurations, joined linearly.
     pub path: JointPath,
-    /// Whether the arm meets the scene or itself on the way.
+    /// True if the arm meets the scene or itself on the way.
     pub collides: bool,
 }
 

@@ -68,7 +68,7 @@ impl<C: Fn(f32) -> Pose3> Follower<'_, C> {
     }
 }
 
-/// Whether any posture has that grip pose.
+/// True if some posture has that grip pose.
 fn is_in_reach(robot: &Robot, world_from_grip: &Pose3, near: &JointConfig) -> bool {
     let joint = &robot.joints[DOF - 1];
     let (lower, upper) = (f64::from(joint.lower).max(-PI), f64::from(joint.upper).min(PI));

@@ -1,5 +1,5 @@
-//! What planners that optimise share: a path of equally many waypoints between fixed ends, and what
-//! it is near to.
+//! Parts that optimising planners share: a path with a fixed number of waypoints between fixed ends,
+//! and the obstacles near it.
 //!
 //! Deformation is that of a string: the sum of squared differences between neighbours is `ξᵀ K ξ`
 //! plus terms of the ends, and the inverse of `K` (2 on the diagonal, -1 beside it) is known in
@@ -70,7 +70,7 @@ pub(super) fn touches(
     (1..last).flat_map(at_step).collect()
 }
 
-/// What an optimisation begins with.
+/// The paths that an optimisation begins with.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Beginnings {
     /// Waypoints between the ends.
@@ -79,7 +79,7 @@ pub(super) struct Beginnings {
     pub(super) count: u32,
 }
 
-/// What an optimisation made of a beginning, and in how many steps.
+/// Outcome of an optimisation from one beginning, and its number of steps.
 pub(super) struct Optimized {
     /// A course that is free, if it came to one.
     pub(super) course: Option<Vec<JointConfig>>,

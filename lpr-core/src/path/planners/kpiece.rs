@@ -42,7 +42,7 @@ pub struct KpieceSettings {
     pub cell: f32,
     /// Share of the edges that grow from exterior cells, 0 to 1.
     pub exterior_share: f32,
-    /// What a cell's score is multiplied with when an edge from it is not free, 0 to 1.
+    /// Factor of a cell's score when an edge from it is not free, 0 to 1.
     pub failure_score: f32,
     /// Edges tried before the planner gives up.
     pub max_iterations: u32,

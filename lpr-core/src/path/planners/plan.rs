@@ -1,4 +1,4 @@
-//! What all planners share: their result, the checks of the ends, the second look, and samples.
+//! Parts that all planners share: their result, the checks of the ends, the second look, samples.
 
 use crate::path::joint_path::JointPath;
 use crate::path::rejection::Rejection;

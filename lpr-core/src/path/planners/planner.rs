@@ -87,17 +87,11 @@ impl PlannerKind {
     ///
     /// [`Error::Config`] when there is none of that name, or this build leaves it out.
     pub fn by_name(name: &str) -> Result<Self> {
-        if let Some(kind) = Self::ALL.iter().find(|kind| kind.name() == name) {
-            return Ok(*kind);
-        }
-        let known: Vec<_> = Self::ALL.iter().map(|kind| kind.name()).collect();
-        let left_out =
-            if FURTHER.contains(&name) { " (built without the feature planners)" } else { "" };
-        let known = known.join(", ");
-        Err(Error::Config(format!("planner: expected one of {known}, found '{name}'{left_out}")))
+        let kind = Self::ALL.iter().find(|kind| kind.name() == name);
+        kind.copied().ok_or_else(|| Error::Config(refusal(name, Self::ALL)))
     }
 
-    /// Whether it is `RRTConnect`, which settings files need not name.
+    /// True for `RRTConnect`, which settings files need not name.
     #[expect(
         clippy::trivially_copy_pass_by_ref,
         reason = "serde hands a reference to what decides on skipping"
@@ -105,6 +99,13 @@ impl PlannerKind {
     pub(in crate::path) fn is_default(&self) -> bool {
         *self == Self::default()
     }
+}
+
+/// The refusal of a planner that is not among those of the build.
+fn refusal(name: &str, built: &[PlannerKind]) -> String {
+    let known: Vec<_> = built.iter().map(|kind| kind.name()).collect();
+    let why = if FURTHER.contains(&name) { " (built without the feature planners)" } else { "" };
+    format!("planner: expected one of {}, found '{name}'{why}", known.join(", "))
 }
 
 impl TryFrom<String> for PlannerKind {
@@ -438,6 +439,20 @@ mod tests {
             );
             assert_eq!(plan, Err(Rejection::Stopped), "{}", kind.name());
         }
+    }
+
+    #[test]
+    fn a_planner_that_was_left_out_is_told_from_one_that_there_is_not() {
+        for name in FURTHER {
+            assert_eq!(PlannerKind::by_name(name).map(PlannerKind::name), Ok(name));
+            let expected = format!(
+                "planner: expected one of rrt-connect, found '{name}' (built without the feature planners)"
+            );
+            assert_eq!(refusal(name, &[PlannerKind::RrtConnect]), expected);
+        }
+        let expected =
+            "planner: expected one of rrt-connect, sbl, kpiece, trajopt, stomp, found 'prm'";
+        assert_eq!(refusal("prm", PlannerKind::ALL), expected);
     }
 
     #[test]

@@ -146,7 +146,7 @@ fn join(grown: &Side, leaf: usize, other: &Side, meeting: usize) -> JointPath {
     JointPath(configs)
 }
 
-/// What a tree grows from.
+/// The end of the path that a tree grows from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Root {
     Start,

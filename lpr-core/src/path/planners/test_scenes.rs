@@ -6,7 +6,7 @@ use crate::scene::stick_arm::{is_free_by_brute_force, stick_arm};
 use crate::scene::{Primitive, Scene};
 use glamx::{Pose3, Vec3};
 
-/// What may be missed between two checks 1/32 rad apart at the arm's reach, metres.
+/// Depth that two checks 1/32 rad apart may miss at the arm's reach, metres.
 const MISSED: f32 = 0.015;
 
 /// The stick arm's start turned by `turn` about the base's axis.
@@ -28,7 +28,7 @@ pub(crate) fn wall_with_window() -> Scene {
     ])
 }
 
-/// Whether the arm comes nowhere on the path deeper into anything than the checks may miss.
+/// True if the arm is nowhere on the path deeper in anything than the checks may miss.
 pub(crate) fn is_free_densely(robot: &Robot, scene: &Scene, path: &JointPath) -> bool {
     path.configs().windows(2).all(|pair| {
         let n = f32::ceil(pair[0].distance(&pair[1]) * 128.0).max(1.0) as u16;

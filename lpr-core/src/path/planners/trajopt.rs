@@ -46,21 +46,21 @@ pub struct TrajoptSettings {
     /// Penalty on a metre of a gap short of the safe distance at first (`μ` in the paper), radians²
     /// per metre.
     pub penalty: f32,
-    /// What the penalty is multiplied with when it does not suffice.
+    /// Factor of the penalty when it does not suffice.
     pub penalty_growth: f32,
     /// Times that the penalty grows.
     pub growths: u32,
     /// Furthest that a joint of a waypoint moves in the first step, radians.
     pub trust: f32,
-    /// Least such distance: below it, a penalty has done what it can.
+    /// Least such distance: below it, the penalty grows.
     pub least_trust: f32,
-    /// What that distance is multiplied with after a step that does what was expected.
+    /// Factor of that distance after a step that gains what was expected.
     pub trust_growth: f32,
-    /// What it is multiplied with after one that does not.
+    /// Factor of that distance after one that does not.
     pub trust_shrink: f32,
     /// Share of the expected gain that a step has to bring.
     pub accepted_gain: f32,
-    /// Relative gain below which a penalty has done what it can.
+    /// Relative gain below which the penalty grows.
     pub least_gain: f32,
     /// Most passes over the multipliers of a convex problem.
     pub sweeps: u32,
@@ -140,13 +140,13 @@ pub fn trajopt(
 /// How far an optimisation has come.
 struct State {
     course: Vec<JointConfig>,
-    /// What the arm is nearer to there than the seen distance.
+    /// Everything that the arm is nearer to there than the seen distance.
     near: Vec<Touch>,
     penalty: f32,
     trust: f32,
 }
 
-/// What one convex problem brought.
+/// Outcome of one convex problem.
 enum Step {
     /// The course moved.
     Moved,

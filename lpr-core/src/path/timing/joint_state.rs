@@ -41,7 +41,7 @@ impl JointState {
         JointConfig(self.angles.map(|angle| angle as f32))
     }
 
-    /// Whether all its numbers are finite.
+    /// True if all its numbers are finite.
     #[must_use]
     pub fn is_finite(&self) -> bool {
         [self.angles, self.velocities, self.accelerations]

@@ -87,7 +87,7 @@ impl Grid {
         1.01 * self.enclosed.iter().map(of_cell).fold(of_sample, f64::max)
     }
 
-    /// What must be covered, the furthest from the middle first.
+    /// Everything to cover, the furthest from the middle first.
     pub(super) fn spots(&self) -> &[Spot] {
         &self.spots
     }

@@ -10,7 +10,7 @@ use rand::RngExt as _;
 /// joint that turns once.
 const CELLS: usize = 10;
 
-/// What a tree grows from.
+/// The end of the path that a tree grows from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Root {
     Start,
@@ -26,7 +26,7 @@ impl Root {
     }
 }
 
-/// What is known of the straight motion between two milestones.
+/// Knowledge of the straight motion between two milestones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Edge {
     Unknown,

@@ -1,4 +1,4 @@
-//! What one interval allows the squares of the path's speed at its two ends.
+//! The squares of the path's speed that one interval allows at its two ends.
 //!
 //! With `x` and `y` the squares of the path's speed at the start and the end of an interval of
 //! width `h`, the path's acceleration on it is `u = (y - x) / 2h`, and its squared speed is linear
@@ -8,8 +8,9 @@
 //! `|a x + b y| ≤ 1`, and what keeps them keeps the limits on all of the interval, not only where
 //! it was looked at.
 //!
-//! Every constraint leaves room around the origin, so that the largest `x` follows from one variable:
-//! along the ray `y = r x` it is one over the largest `|a + b r|`, a convex function of `r`.
+//! Every constraint leaves room around the origin, so that the largest `x` follows from one
+//! variable: along the ray `y = r x` it is one over the largest `|a + b r|`, a convex function of
+//! `r`.
 
 use super::grid::Interval;
 use super::spline::Piece;
@@ -19,12 +20,12 @@ use crate::robot::DOF;
 /// Constraints of a joint: three coefficients of its acceleration and six of its squared velocity.
 const CONSTRAINTS_PER_JOINT: usize = 9;
 
-/// Constraints of an interval: of the joints, six of the grip's speed, the two of [`Constraints::of`], and an
-/// empty one.
+/// Constraints of an interval: of the joints, six of the grip's speed, the two of
+/// [`Constraints::of`], and an empty one.
 const N_CONSTRAINTS: usize = DOF * CONSTRAINTS_PER_JOINT + 9;
 
-/// Share by which constraints may be exceeded where `x` is the largest there is: rounding would else leave
-/// no `y` beside it.
+/// Share by which constraints may be exceeded where `x` is the largest there is: rounding would
+/// else leave no `y` beside it.
 const SLACK: f64 = 1e-9;
 
 /// Constraints that are compared side by side.
@@ -61,8 +62,8 @@ pub(super) struct Ray {
 }
 
 impl Constraints {
-    /// The constraints of an interval at whose end the squared speed is at most `max_end`; 0 leaves that
-    /// to the caller's ray.
+    /// The constraints of an interval at whose end the squared speed is at most `max_end`; 0 leaves
+    /// that to the caller's ray.
     pub(super) fn of(
         piece: &Piece,
         interval: &Interval,
@@ -104,8 +105,8 @@ impl Constraints {
         }
     }
 
-    /// Constraints of `slopes u + bends x` within ±`limit`; `slopes` are the coefficients of a parabola,
-    /// `bends` those of a line.
+    /// Constraints of `slopes u + bends x` within ±`limit`; `slopes` are the coefficients of a
+    /// parabola, `bends` those of a line.
     fn push_acceleration(&mut self, slopes: [f64; 3], bends: [f64; 2], width: f64, limit: f64) {
         let per_limit = 1.0 / limit;
         let [start, middle, end] = slopes.map(|slope| slope * (0.5 / width * per_limit));
@@ -115,7 +116,8 @@ impl Constraints {
         self.push(-end, bend_at_end + end);
     }
 
-    /// Constraints of a squared speed per path speed, degree 4, times the squared path speed, degree 1.
+    /// Constraints of a squared speed per path speed, degree 4, times the squared path speed,
+    /// degree 1.
     fn push_squared_speed(&mut self, squares: &[f64; 5]) {
         self.push(squares[0], 0.0);
         for k in 1..5_u8 {
@@ -162,7 +164,7 @@ impl Constraints {
         let mut ends = [f64::INFINITY; LANES];
         for (a, b) in self.a.iter().zip(&self.b) {
             for lane in 0..LANES {
-                // The side of the constraint that bounds from above: infinitely far when `y` is not in it.
+                // The side of the constraint that bounds from above: infinitely far without `y`.
                 let towards = if b[lane] < 0.0 { -a[lane] } else { a[lane] };
                 let end = (1.0 + SLACK - towards * x) / b[lane].abs();
                 ends[lane] = if end < ends[lane] { end } else { ends[lane] };

@@ -57,7 +57,7 @@ struct Stretch {
     end: DVec3,
 }
 
-/// What of a robot says how its grip moves.
+/// The parts of a robot that decide how its grip moves.
 #[derive(Debug)]
 pub(super) struct Arm<'a> {
     robot: &'a Robot,

@@ -88,7 +88,7 @@ impl Ramp {
     }
 }
 
-/// What joints and grip need on a ramp, as shares of their limits.
+/// Demand of joints and grip on a ramp, as shares of their limits.
 #[derive(Debug, Clone, Copy, Default)]
 struct Demand {
     /// Of jerk, per jerk of the path.
