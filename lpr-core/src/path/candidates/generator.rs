@@ -47,9 +47,11 @@ pub fn candidates(
     let generator = Generator { query, settings, streams, arm: &ArmSpheres::new(query.robot) };
     let goals = goal_configs(query, settings, streams);
     let mut set = CandidateSet { candidates: Vec::new(), rejected: Vec::new() };
+    // Line 8: M paths of the planner. Line 9: B Bézier curves.
     set.add(Source::Planner, generator.planner_paths(&goals));
     set.add(Source::Bezier, generator.bezier_paths(&goals));
     set.add(Source::Screw, generator.screw_paths(&goals));
+    // Line 10: the policy's path, if it is valid. Line 11: all paths in one set.
     if let Some(proposal) = query.policy_path {
         let lengths = set.candidates.iter().map(|candidate| candidate.path.length());
         let mean = (!set.candidates.is_empty())
@@ -195,6 +197,7 @@ impl Generator<'_> {
             .ok_or(Rejection::Unreachable)?;
         let mut path = proposal.resample(self.settings.path_len);
         let last = path.0.len() - 1;
+        // The policy only nearly meets its ends; what runs has to begin at the arm and end at `g`.
         path.0[0] = self.query.start;
         path.0[last] = goal;
         if !path.0.iter().skip(1).all(|config| self.query.robot.within_limits(config)) {

@@ -56,6 +56,7 @@ impl<C: Fn(f32) -> Pose3> Follower<'_, C> {
             self.configs.push(config);
             return Ok(());
         }
+        // No solution near this posture: either none in any, or the arm would have to jump.
         if !is_in_reach(self.robot, &target, &self.at) {
             return Err(Rejection::CurveUnreachable { fraction: from });
         }

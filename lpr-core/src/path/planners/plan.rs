@@ -53,6 +53,7 @@ pub(super) fn search_twice(
         straight(checker, start, &goals).map_or_else(|| search(checker, &goals), Ok)
     };
     let plan = search(checker)?;
+    // Only these edges, a few of the thousands that were checked, are worth a second look.
     if plan.path.configs().windows(2).all(|edge| checker.is_free_between(&edge[0], &edge[1])) {
         return Ok(plan);
     }

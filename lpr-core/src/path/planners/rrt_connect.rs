@@ -120,6 +120,7 @@ fn search(
         if checker.is_stopped() {
             return Err(Rejection::Stopped);
         }
+        // The balanced choice: the smaller tree grows, the larger is connected to it.
         if grown.tree.len() > other.tree.len() {
             core::mem::swap(&mut grown, &mut other);
         }
@@ -179,6 +180,7 @@ impl Side {
         range: f32,
     ) -> Option<usize> {
         let (from, distance) = self.tree.nearest(target);
+        // A vertex beside an obstacle is the nearest to many samples that it cannot be extended to.
         if distance > self.domains[from] {
             return None;
         }

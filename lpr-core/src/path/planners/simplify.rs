@@ -83,6 +83,7 @@ fn cut_corners(configs: &[JointConfig], checker: &MotionChecker<'_>) -> Vec<Join
     for i in 1..last {
         let corner = configs[i];
         let before = cut[cut.len() - 1];
+        // Half of an edge between two corners is left to the corner at its other end.
         let after = if i + 1 < last { corner.lerp(&configs[i + 1], 0.5) } else { configs[last] };
         let ends =
             CUTS.iter().map(|&share| (corner.lerp(&before, share), corner.lerp(&after, share)));
@@ -91,6 +92,7 @@ fn cut_corners(configs: &[JointConfig], checker: &MotionChecker<'_>) -> Vec<Join
             None => cut.push(corner),
         }
     }
+    // Where a cut begins at the end of the one before, that point stands there twice.
     cut.push(configs[last]);
     cut.dedup();
     cut

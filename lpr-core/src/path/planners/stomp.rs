@@ -151,6 +151,7 @@ fn improve(
         .map(|at| preferred(&course[at], copies, at, settings.sensitivity))
         .collect();
     add(course, &smoothing.smooth(&changes), checker);
+    // Good copies count once more in the next step, which saves their checks.
     let total = |copy: &Copy| copy.costs.iter().sum::<f32>();
     copies.sort_by(|a, b| total(a).total_cmp(&total(b)));
     copies.truncate(settings.kept_copies);

@@ -179,6 +179,7 @@ fn optimize(
                 return Optimized { course: None, steps: step };
             }
             Step::Shrunk | Step::Done => {
+                // Another penalty is another problem: it is trusted as far as the first.
                 growths += 1;
                 state.penalty *= settings.penalty_growth;
                 state.trust = settings.trust;
@@ -199,6 +200,7 @@ fn advance(state: &mut State, checker: &MotionChecker<'_>, settings: &TrajoptSet
     if promised <= settings.least_gain * before {
         return Step::Done;
     }
+    // The approximation knows only the gaps near the old path; new ones may have come near.
     let near = touches(checker, &moved, settings.looks, settings.seen_distance);
     let gained = before - cost(&moved, &near, state.penalty, settings);
     if gained < settings.accepted_gain * promised {

@@ -82,6 +82,7 @@ fn fastest(
         limit_grip(path, &mut intervals, limit);
     }
     let ramps = limits.jerk.map(|jerk| {
+        // Less than half of the curve for each ramp, so that an interval is left between them.
         let half = intervals.len() / 2 - 1;
         let start = Ramp::over(path, &intervals[..half], limits, &jerk);
         let end = Ramp::over(&path.reversed(), &reversed(path, &intervals)[..half], limits, &jerk);
