@@ -221,6 +221,20 @@ mod tests {
     }
 
     #[test]
+    fn settings_out_of_range_are_named() {
+        let good = AdamSettings { learning_rate: 1e-3, l2: 0.0, clip: GradientClip::Norm(1.0) };
+        assert_eq!(good.check(), Ok(()));
+        for (bad, name) in [
+            (AdamSettings { learning_rate: f32::NAN, ..good }, "adam.learning_rate"),
+            (AdamSettings { l2: -1.0, ..good }, "adam.l2"),
+            (AdamSettings { clip: GradientClip::Value(f32::INFINITY), ..good }, "adam.clip"),
+        ] {
+            let message = bad.check().expect_err(name).to_string();
+            assert!(message.contains(&format!("{name}: expected")), "{message}");
+        }
+    }
+
+    #[test]
     fn a_restored_optimiser_goes_on_bit_by_bit() {
         let mut straight = network();
         let mut adam = Adam::new(SETTINGS, &straight);

@@ -3,7 +3,7 @@ use super::*;
 use crate::error::Error;
 use crate::path::curves::BezierSettings;
 use crate::path::joint_path::JointPath;
-use crate::path::planners::PlannerKind;
+use crate::path::planners::{PlannerKind, RrtSettings};
 use crate::path::rejection::Rejection;
 use crate::path::source::Source;
 use crate::robot::{JointConfig, ROBOTS, Robot, XARM7};
@@ -357,7 +357,25 @@ fn settings_out_of_range_are_named() {
             "planner_collision_free_fraction",
         ),
         (CandidateSettings { draws_per_path: 0, ..settings() }, "draws_per_path"),
-        (CandidateSettings { bezier: BezierSettings { sigma: f32::NAN }, ..settings() }, "sigma"),
+        (
+            CandidateSettings { bezier: BezierSettings { sigma: f32::NAN }, ..settings() },
+            "candidates.bezier.sigma: expected a finite number from 0, found NaN",
+        ),
+        (
+            CandidateSettings { rrt: RrtSettings { range: 0.0, ..settings().rrt }, ..settings() },
+            "candidates.rrt.range: expected a number above 0, found 0",
+        ),
+        (
+            CandidateSettings {
+                rrt: RrtSettings { checks_per_radian: f32::INFINITY, ..settings().rrt },
+                ..settings()
+            },
+            "candidates.rrt.checks_per_radian: expected a finite number above 0, found inf",
+        ),
+        (
+            CandidateSettings { planner_paths: 20_000, ..settings() },
+            "candidates.draws_per_path: expected at most 65536 draws for all paths, found 100000",
+        ),
     ] {
         let Err(Error::Config(message)) = settings.check() else { panic!("{name} was accepted") };
         assert!(message.contains(name), "{message}");
