@@ -7,13 +7,13 @@ cd "$(dirname "$0")/.."
 source lpr-wasm/toolchain.sh
 
 out=www/src/wasm
-selection=()
+selection=(--no-default-features --features page)
 case ${1:-} in
     page) shift ;;
     plan)
         shift
         out=lpr-wasm/pkg
-        selection=(--no-default-features)
+        selection=(--no-default-features --features planners)
         ;;
 esac
 target_dir=${1:-${LPR_WASM_TARGET_DIR:-target-wasm}}

@@ -7,26 +7,17 @@
 #![expect(clippy::print_stdout, reason = "an example shows what it found")]
 
 use lpr_core::glamx::{Pose3, Quat, Vec3};
-use lpr_core::path::{
-    BezierSettings, CandidateSettings, CandidateStreams, PathQuery, PlannerKind, RrtSettings,
-    candidates,
-};
+use lpr_core::path::{CandidateSettings, CandidateStreams, PathQuery, candidates};
 use lpr_core::robot::PANDA;
 use lpr_core::scene::{Primitive, Scene};
 use std::collections::BTreeMap;
 
-/// Those of the preset `fast` with fewer paths and wider curves.
+/// The small example set, with longer paths and more of them.
 const SETTINGS: CandidateSettings = CandidateSettings {
     path_len: 30,
-    planner: PlannerKind::RrtConnect,
     planner_paths: 8,
     bezier_paths: 8,
-    screw_paths: 0,
-    planner_collision_free_fraction: 0.5,
-    draws_per_path: 5,
-    min_goal_distance: 0.2,
-    rrt: RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 500 },
-    bezier: BezierSettings { sigma: 0.25 },
+    ..CandidateSettings::EXAMPLE
 };
 
 fn main() -> lpr_core::Result<()> {

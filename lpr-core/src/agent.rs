@@ -31,11 +31,11 @@ use crate::path::{
     RejectedPath, Rejection, Source, c2farm_path, linear_candidate,
 };
 use crate::perception::{Observation, Proprio, VoxelBounds};
-use crate::q_attention::{NextBestPose, QObservation, Weights};
+use crate::q_attention::{ActingNetwork, NextBestPose, QObservation};
 use crate::ranker::{RankedPath, RankerContext};
 use crate::rng::{Stream, stream};
 use crate::robot::Robot;
-use crate::scene::{ArmSpheres, Holding, MotionChecker, Scene, observed_obstacles};
+use crate::scene::{ArmSpheres, Held, MotionChecker, Scene, observed_obstacles};
 use exploration::uniform;
 
 /// Opening of a closed gripper above which it holds something, metres: closed on nothing, the pads
@@ -60,7 +60,7 @@ pub struct AgentSettings {
     /// Distance of the points of a cloud that Q-attention and its replay see, metres.
     pub cloud_spacing: f32,
     /// Weights of Q-attention that choose poses.
-    pub acting_weights: Weights,
+    pub acting_weights: ActingNetwork,
     /// Discount of later rewards: `γ` of the ranker.
     pub discount: f32,
 }
@@ -228,7 +228,7 @@ impl Agent {
     #[must_use]
     pub fn obstacles(&self, observation: &Observation, goal: &NextBestPose) -> Scene {
         let holding =
-            if is_holding(&observation.proprio) { Holding::Object } else { Holding::Nothing };
+            if is_holding(&observation.proprio) { Held::Object } else { Held::Nothing };
         observed_obstacles(self.robot, observation, Some(&goal.pose), holding)
     }
 

@@ -184,17 +184,9 @@ impl Config {
     /// Checks what no type checks. Ranker, policy and replay check their settings when they are
     /// built.
     fn check(&self) -> Result<()> {
-        self.candidates.check().map_err(|error| within("candidates", &error))?;
-        self.q_attention.validate()?;
+        self.candidates.check()?;
+        self.q_attention.check()?;
         self.training.check()
-    }
-}
-
-/// `error` with the table that its setting is in.
-fn within(table: &str, error: &Error) -> Error {
-    match error {
-        Error::Config(rule) => Error::Config(format!("{table}.{rule}")),
-        other => other.clone(),
     }
 }
 

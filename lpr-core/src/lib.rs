@@ -21,6 +21,7 @@
 
 #[cfg(feature = "learn")]
 pub mod agent;
+mod check;
 #[cfg(feature = "learn")]
 pub mod checkpoint;
 #[cfg(feature = "learn")]
@@ -32,6 +33,8 @@ pub mod env;
 pub mod error;
 #[cfg(feature = "learn")]
 pub mod evaluate;
+#[cfg(feature = "learn")]
+mod features;
 mod lanes;
 #[cfg(feature = "learn")]
 pub mod learner;

@@ -20,10 +20,9 @@
 //!   where the paper has their sum.
 
 use crate::error::{Error, Result};
-use crate::nn::{
-    Adam, AdamSettings, AdamState, Backend, GOAL_FEATURES, JointScale, Mlp, NamedTensor, Spread,
-};
-use crate::nn::{export, goal_features, import, tensor, values};
+use crate::features::{GOAL_FEATURES, JointScale, goal_features};
+use crate::nn::{Adam, AdamSettings, AdamState, Backend, Mlp, NamedTensor, Spread};
+use crate::nn::{export, import, tensor, values};
 use crate::path::JointPath;
 use crate::q_attention::{NetworkCost, NextBestPose};
 use crate::rng::Rng;
@@ -250,8 +249,9 @@ fn fraction(idx: usize, n_configs: usize) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::features::golden::GoldenGoal;
     use crate::nn::GradientClip;
-    use crate::nn::golden::{GoldenGoal, assert_close, assert_tensors_close};
+    use crate::nn::golden::{assert_close, assert_tensors_close};
     use crate::rng::{Stream, stream};
     use crate::robot::{Gripper, PANDA};
     use glamx::{Pose3, Quat, Vec3};

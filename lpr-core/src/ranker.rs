@@ -25,7 +25,8 @@ mod golden;
 mod network;
 
 use crate::error::{Error, Result};
-use crate::nn::{Adam, AdamSettings, AdamState, Backend, JointScale, NamedTensor};
+use crate::features::JointScale;
+use crate::nn::{Adam, AdamSettings, AdamState, Backend, NamedTensor};
 use crate::nn::{export, import, mix, tensor, values};
 use crate::path::JointPath;
 use crate::q_attention::{NetworkCost, NextBestPose};

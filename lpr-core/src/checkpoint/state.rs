@@ -12,7 +12,7 @@ use crate::nn::{AdamState, NamedTensor};
 use crate::path::{JointPath, Source};
 use crate::perception::{Proprio, VoxelBounds};
 use crate::policy::PolicyState;
-use crate::q_attention::{DepthState, NextBestPose, QObservation, StoredPoint, Weights};
+use crate::q_attention::{ActingNetwork, DepthState, NextBestPose, QObservation, StoredPoint};
 use crate::ranker::{RankedPath, RankerContext, RankerState};
 use crate::replay::{
     Decision, Replay, ReplaySettings, ReplayState, Step, TransitionRow, join_steps, split_steps,
@@ -173,7 +173,7 @@ impl State {
     }
 
     /// The networks that do not act, and optimisers.
-    fn restore_networks(&mut self, networks: &mut Networks, acting: Weights) -> Result<()> {
+    fn restore_networks(&mut self, networks: &mut Networks, acting: ActingNetwork) -> Result<()> {
         match (&mut networks.q_attention, self.q_attention.take()) {
             (Some(attention), Some(stored)) => {
                 let mut state = attention.state();
@@ -187,8 +187,8 @@ impl State {
                 for (depth, StoredLearner { other, adam }) in state.depths.iter_mut().zip(stored) {
                     depth.adam = adam;
                     match acting {
-                        Weights::Online => depth.target = other,
-                        Weights::Target => depth.online = other,
+                        ActingNetwork::Online => depth.target = other,
+                        ActingNetwork::Target => depth.online = other,
                     }
                 }
                 attention.restore(&state)?;

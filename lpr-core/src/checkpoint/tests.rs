@@ -1,6 +1,6 @@
 use super::*;
 use crate::agent::{Eyes, Method, PoseSource};
-use crate::q_attention::{NetworkSettings, Weights};
+use crate::q_attention::{ActingNetwork, NetworkSettings};
 use crate::robot::{PANDA, XARM7};
 use crate::toy::Toy;
 use crate::train::Run;
@@ -64,7 +64,7 @@ fn a_resumed_run_goes_on_bit_by_bit_from_any_step() {
 
 #[test]
 fn learned_poses_go_on_bit_by_bit_too() {
-    let mut straight = attentive(Weights::Online);
+    let mut straight = attentive(ActingNetwork::Online);
     metrics(&mut straight, 3);
     let checkpoint = straight.checkpoint().expect("a small seed");
     let mut resumed = Trainer::resume(&checkpoint, Toy::new(&PANDA)).expect("an intact checkpoint");
@@ -75,7 +75,7 @@ fn learned_poses_go_on_bit_by_bit_too() {
 
 #[test]
 fn the_weights_alone_make_an_agent_that_attends_alike_whichever_network_acts() {
-    for acting in [Weights::Online, Weights::Target] {
+    for acting in [ActingNetwork::Online, ActingNetwork::Target] {
         let mut trainer = attentive(acting);
         metrics(&mut trainer, 3);
         let checkpoint = trainer.checkpoint().expect("a small seed");
@@ -93,7 +93,7 @@ fn the_weights_alone_make_an_agent_that_attends_alike_whichever_network_acts() {
 }
 
 /// A trainer that learns poses, too, with a small network.
-fn attentive(acting: Weights) -> Trainer<Toy> {
+fn attentive(acting: ActingNetwork) -> Trainer<Toy> {
     let mut config = config();
     config.training.acting_weights = acting;
     config.training.q_attention_updates_per_step = 1;

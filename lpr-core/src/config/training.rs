@@ -2,11 +2,11 @@
 
 use crate::agent::Exploration;
 use crate::error::{Error, Result};
-use crate::q_attention::Weights;
+use crate::q_attention::ActingNetwork;
 
 use serde::{Deserialize, Serialize};
 
-/// How a run of Algorithm 1 goes.
+/// Settings of a run of Algorithm 1.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrainSettings {
@@ -20,15 +20,15 @@ pub struct TrainSettings {
     pub q_attention_updates_per_step: usize,
     /// Transitions of an update of Q-attention (released: 128).
     pub q_attention_batch: usize,
-    /// Which weights of Q-attention choose poses (paper: those that gradients change).
-    pub acting_weights: Weights,
+    /// Weights of Q-attention that choose poses (paper: those that gradients change).
+    pub acting_weights: ActingNetwork,
     /// Updates of ranker and policy after every environment step (released: about 1).
     pub path_updates_per_step: usize,
     /// Transitions of an update of ranker and policy (released: 128).
     pub path_batch: usize,
-    /// How a training step departs from the path of highest value.
+    /// Departure of a training step from the path of highest value.
     pub exploration: Exploration,
-    /// What running out of steps means.
+    /// Meaning of a timeout.
     pub timeout: Timeout,
     /// Distance of the points of a cloud that the replay keeps, metres.
     pub cloud_spacing: f32,
@@ -38,7 +38,7 @@ pub struct TrainSettings {
     pub validation_episodes: u64,
 }
 
-/// What running out of steps means for the values.
+/// Meaning of a timeout for the values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Timeout {
@@ -56,18 +56,23 @@ impl TrainSettings {
     ///
     /// [`Error::Config`] naming the first setting that is out of its range.
     pub fn check(&self) -> Result<()> {
-        let rules = [
-            (self.q_attention_batch >= 1, "q_attention_batch: at least 1"),
-            (self.path_batch >= 1, "path_batch: at least 1"),
-            (
-                self.exploration.is_valid(),
-                "exploration: probabilities are 0 to 1, a temperature is above 0",
-            ),
-            (self.cloud_spacing > 0.0, "cloud_spacing: above 0"),
-            (self.validation_interval >= 1, "validation_interval: at least 1"),
-            (self.validation_episodes >= 1, "validation_episodes: at least 1"),
+        let check = |holds, name: &str, expected: &str, found: &dyn Display| {
+            setting(holds, &format!("training.{name}"), expected, found)
+        };
+        let batches =
+            [("q_attention_batch", self.q_attention_batch), ("path_batch", self.path_batch)];
+        for (name, batch) in batches {
+            check(batch >= 1, name, "at least 1", &batch)?;
+        }
+        self.exploration.check().map_err(|error| in_table("training", error))?;
+        check(self.cloud_spacing > 0.0, "cloud_spacing", "above 0", &self.cloud_spacing)?;
+        let validations = [
+            ("validation_interval", self.validation_interval),
+            ("validation_episodes", self.validation_episodes),
         ];
-        let broken = rules.iter().find(|(holds, _)| !holds);
-        broken.map_or(Ok(()), |(_, rule)| Err(Error::Config(format!("training.{rule}"))))
+        for (name, count) in validations {
+            check(count >= 1, name, "at least 1", &count)?;
+        }
+        Ok(())
     }
 }

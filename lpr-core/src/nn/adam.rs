@@ -6,8 +6,9 @@
 //! stores and restores bit by bit. It also needs one pass over each parameter instead of one per
 //! operation.
 
-use super::parameters::{find, map_values};
-use super::{NamedTensor, export, values};
+use super::parameters::{NamedTensor, export, find, map_values};
+use super::values::values;
+use crate::check::setting;
 use crate::error::{Error, Result};
 
 use burn::module::{Module, ModuleVisitor, Param};
@@ -33,6 +34,27 @@ pub struct AdamSettings {
     pub clip: GradientClip,
 }
 
+impl AdamSettings {
+    /// Checks the ranges of all numbers.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Config`] naming the first setting that is negative or not finite.
+    pub fn check(&self) -> Result<()> {
+        let limit = match self.clip {
+            GradientClip::None => 0.0,
+            GradientClip::Value(limit) | GradientClip::Norm(limit) => limit,
+        };
+        for (name, number) in
+            [("adam.learning_rate", self.learning_rate), ("adam.l2", self.l2), ("adam.clip", limit)]
+        {
+            let holds = number.is_finite() && number >= 0.0;
+            setting(holds, name, "a finite number from 0", number)?;
+        }
+        Ok(())
+    }
+}
+
 /// Limit of the gradients of one update.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -45,7 +67,7 @@ pub enum GradientClip {
     Norm(f32),
 }
 
-/// What Adam remembers: part of a checkpoint.
+/// Memory of Adam: part of a checkpoint.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AdamState {
@@ -95,7 +117,7 @@ impl Adam {
         })
     }
 
-    /// What it remembers.
+    /// Its memory.
     pub(crate) const fn state(&self) -> &AdamState {
         &self.state
     }
@@ -196,6 +218,20 @@ mod tests {
         let gradients = loss.backward();
         *network = adam.step(network.clone(), &leaves, gradients);
         loss.into_scalar()
+    }
+
+    #[test]
+    fn settings_out_of_range_are_named() {
+        let good = AdamSettings { learning_rate: 1e-3, l2: 0.0, clip: GradientClip::Norm(1.0) };
+        assert_eq!(good.check(), Ok(()));
+        for (bad, name) in [
+            (AdamSettings { learning_rate: f32::NAN, ..good }, "adam.learning_rate"),
+            (AdamSettings { l2: -1.0, ..good }, "adam.l2"),
+            (AdamSettings { clip: GradientClip::Value(f32::INFINITY), ..good }, "adam.clip"),
+        ] {
+            let message = bad.check().expect_err(name).to_string();
+            assert!(message.contains(&format!("{name}: expected")), "{message}");
+        }
     }
 
     #[test]

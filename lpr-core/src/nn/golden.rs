@@ -1,27 +1,6 @@
-//! What the golden tests of ranker and policy share.
+//! Comparisons of the golden tests of networks.
 
-use super::NamedTensor;
-use crate::q_attention::NextBestPose;
-use crate::robot::Gripper;
-
-use glamx::{Pose3, Quat, Vec3};
-use serde::Deserialize;
-
-/// A next-best pose of `tests/peers/networks.py`.
-#[derive(Debug, Deserialize)]
-pub(crate) struct GoldenGoal {
-    position: [f32; 3],
-    quaternion: [f32; 4],
-    gripper: Gripper,
-}
-
-impl GoldenGoal {
-    pub(crate) fn next_best_pose(&self) -> NextBestPose {
-        let pose =
-            Pose3::from_parts(Vec3::from_array(self.position), Quat::from_array(self.quaternion));
-        NextBestPose { pose, gripper: self.gripper }
-    }
-}
+use super::parameters::NamedTensor;
 
 pub(crate) fn assert_close(what: &str, found: &[f32], expected: &[f32], tolerance: f32) {
     assert_eq!(found.len(), expected.len(), "{what}");

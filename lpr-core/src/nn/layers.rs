@@ -1,6 +1,6 @@
 //! Fully connected layers and their initial weights, drawn from a generator that is passed in.
 
-use super::tensor;
+use super::values::tensor;
 use crate::rng::Rng;
 
 use burn::module::{Module, Param};

@@ -1,6 +1,6 @@
 //! Parameters of a network as named vectors: what checkpoints hold, and what target networks mix.
 
-use super::{tensor, values};
+use super::values::{tensor, values};
 use crate::error::{Error, Result};
 
 use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};

@@ -94,7 +94,7 @@ impl Camera {
     pub fn at(name: &str, world_from_camera: Pose3, vertical_fov: f32) -> Self {
         assert!(
             vertical_fov > 0.0 && vertical_fov < core::f32::consts::PI,
-            "field of view in (0, π), got {vertical_fov}"
+            "field of view: expected radians in (0, π), found {vertical_fov}"
         );
         let center = IMAGE_SIZE as f32 / 2.0;
         let focal = center / libm::tanf(0.5 * vertical_fov);

@@ -1,7 +1,7 @@
-//! What a depth camera makes of the true depth: noise, missing returns, and pixels that hang
-//! between two surfaces.
+//! Errors of a depth camera: noise, missing returns, and pixels that hang between two surfaces.
 
-use super::{Camera, View};
+use super::camera::Camera;
+use super::observation::View;
 use crate::rng::{Rng, normal};
 use glamx::Vec3;
 use rand::RngExt as _;
@@ -92,7 +92,7 @@ impl DepthNoise {
     }
 }
 
-/// What chance has in store for one pixel.
+/// Random numbers of one pixel.
 struct Draws {
     normal: f32,
     dropout: f32,

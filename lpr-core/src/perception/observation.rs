@@ -2,7 +2,7 @@
 //!
 //! The agent gets this type only, so no simulator state, mask or demonstrator can reach it.
 
-use super::Camera;
+use super::camera::Camera;
 use crate::robot::JointConfig;
 use glamx::{Pose3, Quat, Vec3};
 
@@ -68,7 +68,7 @@ impl View {
     }
 }
 
-/// What the arm knows of itself: `z` in the paper.
+/// The arm's measurement of itself: `z` in the paper.
 ///
 /// ```
 /// use lpr_core::env::EPISODE_LENGTH;
@@ -93,7 +93,7 @@ pub struct Proprio {
     pub joints: JointConfig,
     /// Distance between the finger pads, metres.
     pub gripper_width: f32,
-    /// Whether the gripper is open, as a network input: see [`Proprio::openness`].
+    /// 1 for an open gripper, as a network input: see [`Proprio::openness`].
     pub gripper_open: f32,
     /// Position of each finger from closed, metres.
     pub finger_positions: [f32; 2],
@@ -153,7 +153,7 @@ pub fn time_feature(step: usize, episode_length: usize) -> f32 {
 pub struct Observation {
     /// One view per camera.
     pub views: Vec<View>,
-    /// What the arm knows of itself.
+    /// The arm's measurement of itself.
     pub proprio: Proprio,
 }
 

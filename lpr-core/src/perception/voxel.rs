@@ -56,7 +56,7 @@ impl VoxelBounds {
         self.min + self.size
     }
 
-    /// Whether the point is within; the upper faces are not.
+    /// True if the point is within; the upper faces are not.
     #[must_use]
     pub fn contains(&self, point: Vec3) -> bool {
         point.cmpge(self.min).all() && point.cmplt(self.max()).all()
@@ -108,14 +108,16 @@ impl VoxelSpace {
         let n_voxels = voxels_per_side.iter().try_fold(1_usize, |n, count| n.checked_mul(*count));
         if !n_voxels.is_some_and(|n| (1..=MAX_VOXELS).contains(&n)) {
             return Err(Error::Config(format!(
-                "1 to {MAX_VOXELS} voxels, got {voxels_per_side:?}"
+                "voxels: expected 1 to {MAX_VOXELS} in all, found {voxels_per_side:?}"
             )));
         }
         if !(bounds.min.is_finite()
             && bounds.size.is_finite()
             && bounds.size.cmpgt(Vec3::ZERO).all())
         {
-            return Err(Error::Config(format!("voxel bounds with a volume, got {bounds:?}")));
+            return Err(Error::Config(format!(
+                "voxel bounds: expected a volume, found {bounds:?}"
+            )));
         }
         let counts = Vec3::from_array(voxels_per_side.map(|count| count as f32));
         Ok(Self {
@@ -265,7 +267,7 @@ impl VoxelGrid {
         &self.features[channel * n..(channel + 1) * n]
     }
 
-    /// Whether the voxel holds points.
+    /// True if the voxel holds points.
     #[must_use]
     pub fn is_occupied(&self, voxel: VoxelIndex) -> bool {
         self.channel(OCCUPIED)[self.space.flat_from_voxel(voxel)] > 0.0

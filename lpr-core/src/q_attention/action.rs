@@ -17,8 +17,8 @@
 //! Turning a two-finger gripper by 180° about its approach changes nothing. [`canonical_grasp`]
 //! picks one of the two, so that equal grasps have equal labels.
 
-use super::NextBestPose;
-use super::QAttentionSettings;
+use super::next_best_pose::NextBestPose;
+use super::settings::QAttentionSettings;
 use crate::error::Result;
 use crate::perception::{VoxelBounds, VoxelIndex, VoxelSpace};
 use crate::robot::Gripper;
@@ -53,7 +53,7 @@ impl ActionCodec {
     ///
     /// When the settings do not fit together, or `bounds` has no volume.
     pub fn new(settings: &QAttentionSettings, bounds: VoxelBounds) -> Result<Self> {
-        settings.validate()?;
+        settings.check()?;
         Ok(Self {
             scene: VoxelSpace::new(bounds, [settings.voxels_per_side; 3])?,
             zoom_half_widths: settings.zoom_half_widths.clone(),
@@ -112,14 +112,14 @@ impl ActionCodec {
         self.zoom_half_widths.len() + 1
     }
 
-    /// What depth 0 sees.
+    /// The space of depth 0.
     #[must_use]
     pub fn scene(&self) -> &VoxelSpace {
         &self.scene
     }
 
-    /// What depth `depth_idx` sees when the depth before attends to `center`; none when there is no
-    /// such depth.
+    /// The space of depth `depth_idx` when the depth before attends to `center`; none when there is
+    /// no such depth.
     #[must_use]
     pub fn zoom(&self, depth_idx: usize, center: Vec3) -> Option<VoxelSpace> {
         if depth_idx == 0 {

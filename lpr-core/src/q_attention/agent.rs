@@ -1,13 +1,13 @@
 //! The agent: one online and one target network per depth, acting from the coarse grid to the fine
 //! one, learning by updates.
 
+use super::action::{ActionCodec, DiscreteAction, nearest_grasp};
 use super::batch::{Augmented, QSample};
-use super::loss::{Choices, LossWeights, Rows, chosen_values, depth_loss, td_target};
+use super::loss::{Choices, LossWeights, PerSample, chosen_values, depth_loss, td_target};
 use super::network::{Heads, NetworkCost, NetworkInput, QNetwork, QValues};
-use super::{
-    ActionCodec, DiscreteAction, NetworkSettings, NextBestPose, QAttentionSettings, QObservation,
-    nearest_grasp,
-};
+use super::next_best_pose::NextBestPose;
+use super::observation::QObservation;
+use super::settings::{NetworkSettings, QAttentionSettings};
 use crate::error::{Error, Result};
 use crate::nn::{
     Adam, AdamSettings, AdamState, Backend, GradientClip, NamedTensor, export, import, mix, tensor,
@@ -33,7 +33,7 @@ pub struct QAttention {
     device: Device,
 }
 
-/// What learns at one depth.
+/// The networks of one depth and their optimiser.
 #[derive(Debug, Clone)]
 struct Depth {
     online: QNetwork,
@@ -41,10 +41,10 @@ struct Depth {
     adam: Adam,
 }
 
-/// Which of the two networks of a depth to ask.
+/// The choice between the two networks of a depth.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Weights {
+pub enum ActingNetwork {
     /// The one that gradients change (the paper's choice).
     Online,
     /// The running mean of it, whose choices change less from one update to the next.
@@ -52,10 +52,10 @@ pub enum Weights {
 }
 
 impl Depth {
-    fn network(&self, weights: Weights) -> &QNetwork {
+    fn network(&self, weights: ActingNetwork) -> &QNetwork {
         match weights {
-            Weights::Online => &self.online,
-            Weights::Target => &self.target,
+            ActingNetwork::Online => &self.online,
+            ActingNetwork::Target => &self.target,
         }
     }
 }
@@ -77,7 +77,7 @@ pub struct QDecision {
     pub gripper_values: [f32; 2],
 }
 
-/// What one depth saw and how it valued it.
+/// Input and values of one depth.
 #[derive(Debug, Clone)]
 pub struct DepthDecision {
     /// The voxelised scene or cube.
@@ -94,7 +94,7 @@ pub struct QAttentionState {
     pub depths: Vec<DepthState>,
 }
 
-/// What one depth has learned.
+/// Learned numbers of one depth.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DepthState {
@@ -109,15 +109,15 @@ pub struct DepthState {
 impl DepthState {
     /// Its online and target network: the one that `acting` names first.
     #[must_use]
-    pub fn acting_first(self, acting: Weights) -> [Vec<NamedTensor>; 2] {
+    pub fn acting_first(self, acting: ActingNetwork) -> [Vec<NamedTensor>; 2] {
         match acting {
-            Weights::Online => [self.online, self.target],
-            Weights::Target => [self.target, self.online],
+            ActingNetwork::Online => [self.online, self.target],
+            ActingNetwork::Target => [self.target, self.online],
         }
     }
 }
 
-/// What an update did, for the log and the priorities of the replay.
+/// Outcome of an update, for the log and the priorities of the replay.
 #[derive(Debug, Clone, PartialEq)]
 pub struct UpdateReport {
     /// Loss of each depth.
@@ -172,7 +172,7 @@ impl QAttention {
     /// The best next pose for an observation: at every depth the voxel of highest value, at the
     /// last depth also the best rotation bins and gripper command.
     #[must_use]
-    pub fn act(&self, observation: &QObservation, weights: Weights) -> QDecision {
+    pub fn act(&self, observation: &QObservation, weights: ActingNetwork) -> QDecision {
         let mut depths = Vec::with_capacity(self.depths.len());
         let mut voxels = Vec::with_capacity(self.depths.len());
         let mut center = Vec3::ZERO;
@@ -398,7 +398,8 @@ impl QAttention {
         };
         let [targets, weights, imitated] =
             [targets, weights, imitated].map(|column| tensor(column, [n], &device));
-        let loss = depth_loss(&values, &choices, Rows { targets, weights, imitated }, loss_weights);
+        let loss =
+            depth_loss(&values, &choices, PerSample { targets, weights, imitated }, loss_weights);
         let gradients = loss.total.backward();
         depth.online = depth.adam.step(depth.online.clone(), &leaves, gradients);
         depth.target = mix(depth.target.clone(), &depth.online, self.settings.target_mix);
@@ -409,7 +410,7 @@ impl QAttention {
 /// Index of [`Gripper::Open`] among the gripper's values.
 const OPEN: usize = 1;
 
-/// What the samples of a batch did, as a depth sees it.
+/// The actions of a batch as choices of one depth.
 fn labels(depth_idx: usize, batch: &[Augmented<'_>], with_pose: bool, device: &Device) -> Choices {
     let n = batch.len();
     let voxel = batch.iter().map(|sample| sample.depths[depth_idx].flat as i32).collect();
@@ -463,7 +464,7 @@ fn network_input(
 /// Mean positions as fractions of a voxel from its centre, -1 to 1, instead of metres in the world;
 /// zero where nothing is.
 ///
-/// What is learned at one place then holds at every other, and a millimetre is not lost beside a
+/// A lesson from one place then holds at every other, and a millimetre is not lost beside a
 /// metre.
 fn center_positions(grid: &VoxelGrid, features: &mut [f32]) {
     let n_voxels = grid.space.n_voxels();

@@ -1,6 +1,9 @@
 //! Replayed transitions made ready for an update: augmented, with labels recomputed, and voxelised.
 
-use super::{ActionCodec, NextBestPose, QAttentionSettings, QObservation, canonical_grasp};
+use super::action::{ActionCodec, canonical_grasp};
+use super::next_best_pose::NextBestPose;
+use super::observation::QObservation;
+use super::settings::QAttentionSettings;
 use crate::perception::{PointTransform, Proprio, VoxelGrid, VoxelSpace};
 use crate::rng::Rng;
 
@@ -13,17 +16,17 @@ const MAX_DRAWS: usize = 20;
 /// One replayed transition.
 #[derive(Debug, Clone, Copy)]
 pub struct QSample<'a> {
-    /// What was seen before the action.
+    /// The observation before the action.
     pub observation: &'a QObservation,
     /// The action: within the bounds of depth 0.
     pub action: NextBestPose,
     /// Reward, 0 or 1.
     pub reward: f32,
-    /// What was seen after the action; none when the episode ended there.
+    /// The observation after the action; none when the episode ended there.
     pub next: Option<&'a QObservation>,
     /// Importance weight of prioritised replay.
     pub weight: f32,
-    /// Whether the action is to be imitated: demonstrated, or of an episode that succeeded.
+    /// True for an action to imitate: demonstrated, or of an episode that succeeded.
     pub imitated: bool,
 }
 
@@ -96,12 +99,12 @@ impl<'a> Augmented<'a> {
         Some(Self { sample, transform, depths, rotation: codec.rotation.encode(pose.rotation) })
     }
 
-    /// What the moved observation before the action shows in the cube of a depth.
+    /// The moved observation before the action, voxelised in the cube of a depth.
     pub(super) fn grid(&self, depth_idx: usize) -> VoxelGrid {
         self.moved_grid(self.sample.observation, self.depths[depth_idx].space)
     }
 
-    /// What a moved observation shows in `space`.
+    /// A moved observation, voxelised in `space`.
     pub(super) fn moved_grid(&self, observation: &QObservation, space: VoxelSpace) -> VoxelGrid {
         VoxelGrid::voxelise(self.transform.apply(observation.colored_points()), space)
     }

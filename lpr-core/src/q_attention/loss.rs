@@ -22,13 +22,13 @@
 //! 10 demonstrations of `take_lid_off_saucepan` bring 1 of 40 grasps within 10 cm and none within 2
 //! cm, with it (preset `fast`) 35 and 10 (`examples/qattention_study.rs`).
 
-use super::Imitation;
 use super::network::{PoseValues, QValues};
+use super::settings::Imitation;
 
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Int, Tensor};
 
-/// What each sample of a batch chose at one depth.
+/// The choice of each sample of a batch at one depth.
 #[derive(Debug, Clone)]
 pub(super) struct Choices {
     /// `[B, 1]`: voxels, flat.
@@ -61,7 +61,7 @@ pub(super) fn chosen_values(values: &QValues, choices: &Choices) -> Tensor<2> {
     Tensor::cat(vec![voxel, rotation, gripper.clone().gather(1, command.clone())], 1)
 }
 
-/// What the values regress on: `max(0, r + γ V')`, exactly `r` without a next value.
+/// Target of the values: `max(0, r + γ V')`, exactly `r` without a next value.
 pub(super) fn td_target(reward: f32, discount: f32, next_value: Option<f32>) -> f32 {
     (reward + next_value.map_or(0.0, |value| discount * value)).max(0.0)
 }
@@ -84,8 +84,8 @@ pub(super) struct LossWeights {
 
 /// One number per sample, `[B]` each.
 #[derive(Debug, Clone)]
-pub(super) struct Rows {
-    /// What the values regress on.
+pub(super) struct PerSample {
+    /// Targets of the values.
     pub(super) targets: Tensor<1>,
     /// Importance weights.
     pub(super) weights: Tensor<1>,
@@ -97,12 +97,12 @@ pub(super) struct Rows {
 pub(super) fn depth_loss(
     values: &QValues,
     choices: &Choices,
-    rows: Rows,
+    samples: PerSample,
     loss_weights: LossWeights,
 ) -> DepthLoss {
     let chosen = chosen_values(values, choices);
     let [n, n_parts] = chosen.dims();
-    let errors = (chosen - rows.targets.reshape([n, 1]).expand([n, n_parts])).abs();
+    let errors = (chosen - samples.targets.reshape([n, 1]).expand([n, n_parts])).abs();
     let huber = huber(errors).mean_dim(1).reshape([n]);
     let mut per_sample =
         huber.clone() + mean_size(values.translation.clone()) * loss_weights.translation;
@@ -115,9 +115,10 @@ pub(super) fn depth_loss(
         per_sample = per_sample + mean_size(all) * loss_weights.rotation;
     }
     if let Some(Imitation { weight, temperature }) = loss_weights.imitation {
-        per_sample = per_sample + surprise(values, choices, temperature) * rows.imitated * weight;
+        per_sample =
+            per_sample + surprise(values, choices, temperature) * samples.imitated * weight;
     }
-    DepthLoss { total: (per_sample * rows.weights).mean(), huber }
+    DepthLoss { total: (per_sample * samples.weights).mean(), huber }
 }
 
 /// Mean over the parts of `-log softmax(Q / T)` at the choices: `[B]`.
@@ -203,7 +204,7 @@ mod tests {
         let loss = depth_loss(
             &values,
             &best,
-            Rows {
+            PerSample {
                 targets: tensor(vec![1.0, 0.0], [2], &device),
                 weights: tensor(vec![1.0, 0.5], [2], &device),
                 imitated: tensor(vec![1.0; 2], [2], &device),
@@ -238,7 +239,7 @@ mod tests {
         let loss = depth_loss(
             &values,
             &Choices { voxel, pose: None },
-            Rows { targets: one.clone(), weights: one.clone(), imitated: one },
+            PerSample { targets: one.clone(), weights: one.clone(), imitated: one },
             loss_weights,
         );
         let gradient =
@@ -256,7 +257,7 @@ mod tests {
         let values = QValues { translation, pose: None };
         let voxel = Tensor::from_data(TensorData::new(vec![0_i32, 1], [2, 1]), &device);
         let chosen = tensor(vec![0.5, 0.2], [2], &device);
-        let rows = Rows {
+        let rows = PerSample {
             targets: chosen,
             weights: tensor(vec![1.0; 2], [2], &device),
             imitated: tensor(vec![1.0, 0.0], [2], &device),

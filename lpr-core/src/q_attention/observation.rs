@@ -1,4 +1,4 @@
-//! What replay keeps of an observation: enough to voxelise it again at any depth, turned and
+//! The part of an observation that the replay keeps: enough to voxelise it again at any depth, turned and
 //! shifted.
 
 use crate::perception::{Observation, Proprio, VoxelBounds};
@@ -28,7 +28,7 @@ pub struct QObservation {
     /// At most one point per cell of the thinning grid, in the order of the cells that `cloud` was
     /// met in.
     pub points: Vec<StoredPoint>,
-    /// What the arm knows of itself.
+    /// The arm's measurement of itself.
     pub proprio: Proprio,
 }
 

@@ -1,6 +1,7 @@
 //! Every number of the Q-attention agent.
 
-use crate::error::{Error, Result};
+use crate::check::{in_table, setting};
+use crate::error::Result;
 
 use glamx::Vec3;
 use serde::{Deserialize, Serialize};
@@ -38,7 +39,7 @@ pub struct QAttentionSettings {
     /// Weight of the mean absolute value of all rotation and gripper values (released: 1); the same
     /// rule, over all their bins.
     pub rotation_regularisation: f32,
-    /// What actions of successful episodes add to the loss (paper: nothing).
+    /// Term of the loss for actions of successful episodes (paper: nothing).
     pub imitation: Option<Imitation>,
     /// How far the cube of a later depth is moved away from its label at random, as a fraction of
     /// its half width (released: 0.75).
@@ -65,15 +66,17 @@ pub struct Imitation {
 }
 
 impl Imitation {
-    fn is_valid(self) -> bool {
+    fn check(self) -> Result<()> {
         let Self { weight, temperature } = self;
-        [weight, temperature].iter().all(|number| number.is_finite())
-            && weight >= 0.0
-            && temperature > 0.0
+        let is_weight = weight.is_finite() && weight >= 0.0;
+        setting(is_weight, "imitation.weight", "a finite number from 0", weight)?;
+        let is_temperature = temperature.is_finite() && temperature > 0.0;
+        let expected = "a finite number above 0";
+        setting(is_temperature, "imitation.temperature", expected, temperature)
     }
 }
 
-/// Which network values the voxels of one depth, and how wide it is.
+/// Kind and width of the network of one depth.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum NetworkSettings {
@@ -113,29 +116,34 @@ impl QAttentionSettings {
     ///
     /// # Errors
     ///
-    /// Names the first setting that cannot work.
-    pub fn validate(&self) -> Result<()> {
-        let fail = |what: &str| Err(Error::Config(format!("q_attention: {what}")));
-        if self.voxels_per_side < 4 || !self.voxels_per_side.is_multiple_of(4) {
-            return fail("voxels_per_side must be a multiple of 4");
+    /// [`Error::Config`](crate::Error::Config) naming the first setting that cannot work.
+    pub fn check(&self) -> Result<()> {
+        self.check_shapes()
+            .and_then(|()| self.check_ranges())
+            .and_then(|()| self.imitation.map_or(Ok(()), Imitation::check))
+            .map_err(|error| in_table("q_attention", error))
+    }
+
+    fn check_shapes(&self) -> Result<()> {
+        let is_sound = |n: usize| n >= 4 && n.is_multiple_of(4);
+        let (side, bins) = (self.voxels_per_side, self.rotation_bins);
+        setting(is_sound(side), "voxels_per_side", "a multiple of 4", side)?;
+        setting(is_sound(bins), "rotation_bins", "a multiple of 4: right angles have bins", bins)?;
+        let n = self.translation_regularisation.len();
+        let one_a_depth = format!("{} numbers, one a depth", self.n_depths());
+        setting(n == self.n_depths(), "translation_regularisation", &one_a_depth, n)
+    }
+
+    fn check_ranges(&self) -> Result<()> {
+        for (idx, half) in self.zoom_half_widths.iter().enumerate() {
+            let holds = half.is_finite() && *half > 0.0;
+            setting(holds, &format!("zoom_half_widths[{idx}]"), "a finite length above 0", half)?;
         }
-        if self.rotation_bins < 4 || !self.rotation_bins.is_multiple_of(4) {
-            return fail("rotation_bins must be a multiple of 4, so that right angles have bins");
-        }
-        if self.zoom_half_widths.iter().any(|half| !half.is_finite() || *half <= 0.0) {
-            return fail("zoom_half_widths must be positive lengths");
-        }
-        if self.translation_regularisation.len() != self.n_depths() {
-            return fail("translation_regularisation must have one entry a depth");
-        }
-        if !(0.0..1.0).contains(&self.crop_jitter) {
-            return fail("crop_jitter must lie in 0..1, or the label could never be inside");
-        }
-        if self.imitation.is_some_and(|imitation| !imitation.is_valid()) {
-            return fail("imitation needs a weight of at least 0 and a temperature above 0");
-        }
-        if !(0.0..=1.0).contains(&self.discount) || !(0.0..=1.0).contains(&self.target_mix) {
-            return fail("discount and target_mix must lie in 0..=1");
+        // At 1 the label could lie outside the cube.
+        let jitter = self.crop_jitter;
+        setting((0.0..1.0).contains(&jitter), "crop_jitter", "from 0, below 1", jitter)?;
+        for (name, share) in [("discount", self.discount), ("target_mix", self.target_mix)] {
+            setting((0.0..=1.0).contains(&share), name, "0 to 1", share)?;
         }
         Ok(())
     }
@@ -198,11 +206,11 @@ pub(super) mod tests {
             (|s| s.target_mix = 1.5, "target_mix"),
             (|s| s.imitation = Some(Imitation { weight: 1.0, temperature: 0.0 }), "imitation"),
         ];
-        assert_eq!(test_settings().validate(), Ok(()));
+        assert_eq!(test_settings().check(), Ok(()));
         for (change, name) in cases {
             let mut settings = test_settings();
             change(&mut settings);
-            let error = settings.validate().expect_err(name);
+            let error = settings.check().expect_err(name);
             assert!(error.to_string().contains(name), "{error}");
         }
     }

@@ -6,12 +6,12 @@ use super::*;
 use crate::nn::{Backend, NamedTensor, export, import, tensor, values};
 use crate::perception::{VOXEL_CHANNELS, VoxelBounds};
 use crate::rng::{Rng, Stream, stream};
-use crate::robot::PANDA;
+use crate::robot::{Gripper, PANDA};
 
 use burn::module::{Module as _, ModuleVisitor, Param};
 use burn::tensor::{Gradients, Tensor, TensorData};
 use core::f32::consts::PI;
-use glamx::{Quat, Vec3};
+use glamx::{Pose3, Quat, Vec3};
 use rand::RngExt as _;
 
 /// A red stick on a table, and the pose above its middle that closes across it.
@@ -78,7 +78,7 @@ fn one_keyframe_is_learned() {
         "every row is terminal and rewarded"
     );
     for (observation, goal) in &scenes {
-        let chosen = agent.act(observation, Weights::Online).goal;
+        let chosen = agent.act(observation, ActingNetwork::Online).goal;
         let near = agent.codec().quantise(goal).expect("inside the bounds");
         let distance = chosen.pose.translation.distance(near.pose.translation);
         // 3.75 cm: the side of a voxel of the last depth.
@@ -135,7 +135,7 @@ fn a_restored_agent_goes_on_bit_by_bit() {
 #[test]
 fn a_decision_is_the_best_of_its_values() {
     let agent = agent(test_settings());
-    let decision = agent.act(&scene(0).0, Weights::Target);
+    let decision = agent.act(&scene(0).0, ActingNetwork::Target);
     assert_eq!(decision.depths.len(), 2);
     for (depth, voxel) in decision.depths.iter().zip(&decision.action.voxels) {
         let best = depth.values[depth.grid.space.flat_from_voxel(*voxel)];
@@ -151,17 +151,17 @@ fn a_decision_is_the_best_of_its_values() {
         (decision.goal.pose.translation, decision.goal.gripper),
         (chosen.pose.translation, chosen.gripper)
     );
-    assert_eq!(agent.act(&scene(0).0, Weights::Target).goal, decision.goal);
+    assert_eq!(agent.act(&scene(0).0, ActingNetwork::Target).goal, decision.goal);
 }
 
 #[test]
 fn a_hand_does_not_turn_to_the_other_side_of_the_same_grasp() {
     let agent = agent(test_settings());
     let (mut seen, _) = scene(0);
-    let chosen = agent.act(&seen, Weights::Target).goal.pose.rotation;
+    let chosen = agent.act(&seen, ActingNetwork::Target).goal.pose.rotation;
     // The hand is already there, on the other side.
     seen.proprio.grip.rotation = chosen * Quat::from_rotation_z(PI);
-    let again = agent.act(&seen, Weights::Target);
+    let again = agent.act(&seen, ActingNetwork::Target);
     let expected =
         nearest_grasp(agent.codec().decode(&again.action).pose, seen.proprio.grip.rotation);
     assert_eq!(again.goal.pose, expected);
@@ -240,7 +240,7 @@ fn loss_of(network: &QNetwork, device: &burn::tensor::Device) -> Tensor<1> {
         )),
     };
     let column = |values: Vec<f32>| tensor(values, [2], device);
-    let rows = loss::Rows {
+    let rows = loss::PerSample {
         targets: column(vec![1.0, 0.3]),
         weights: column(vec![1.0, 0.5]),
         imitated: column(vec![1.0, 0.0]),

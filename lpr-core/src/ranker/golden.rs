@@ -1,7 +1,8 @@
 //! Three updates of small rankers beside `PyTorch` (`tests/peers/networks.py`).
 
 use super::*;
-use crate::nn::golden::{GoldenGoal, assert_close, assert_tensors_close};
+use crate::features::golden::GoldenGoal;
+use crate::nn::golden::{assert_close, assert_tensors_close};
 use crate::rng::{Stream, stream};
 use crate::robot::{JointConfig, PANDA};
 

@@ -2,10 +2,8 @@
 
 use super::{Critics, RankedPath, RankerContext, RankerInput, RankerSample, RankerSettings};
 use crate::error::{Error, Result};
-use crate::nn::{
-    GOAL_FEATURES, JointScale, Mlp, POSE_FEATURES, Spread, goal_features, pose_features, tensor,
-    values,
-};
+use crate::features::{GOAL_FEATURES, JointScale, POSE_FEATURES, goal_features, pose_features};
+use crate::nn::{Mlp, Spread, tensor, values};
 use crate::rng::Rng;
 use crate::robot::{DOF, JointConfig, Robot};
 

@@ -1,4 +1,4 @@
-//! What one macro action taught: rows for Q-attention, ranker and policy alike.
+//! Experience of one macro action: rows for Q-attention, ranker and policy alike.
 //!
 //! A step holds what was seen and what was decided; a transition links two successive steps. Both
 //! rows that touch a step share it, so an observation is stored once. The type of observations is
@@ -12,24 +12,24 @@ use crate::ranker::{RankedPath, RankerContext, RankerSample, RankerTransition};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// What the agent decided in one step.
+/// The agent's decision in one step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Decision {
     /// The situation in which paths were ranked: next-best pose (`g` in the paper), gripper, time.
     pub context: RankerContext,
     /// The path that was taken: `ξ` in the paper.
     pub taken: RankedPath,
-    /// What made the path; none for a demonstration.
+    /// Generator of the path; none for a demonstration.
     pub source: Option<Source>,
 }
 
 /// One environment step: what was seen and what was decided.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Step<O> {
-    /// What the agent saw: `o` in the paper, with proprioception.
+    /// The observation: `o` in the paper, with proprioception.
     pub observation: O,
-    /// What it decided; after the last step of a truncated episode it decides once more without
-    /// acting.
+    /// The agent's decision; after the last step of a truncated episode it decides once more
+    /// without acting.
     pub decision: Decision,
 }
 
@@ -42,17 +42,17 @@ pub struct Transition<O> {
     pub next: Option<Arc<Step<O>>>,
     /// Reward: 1 on success, else 0.
     pub reward: f32,
-    /// Whether the step was the last allowed one of its episode; values still bootstrap from
+    /// True if the step was the last allowed one of its episode; values still bootstrap from
     /// `next`.
     pub truncated: bool,
-    /// Whether the episode ended in success: paths of such episodes teach the policy.
+    /// True if the episode ended in success: paths of such episodes teach the policy.
     pub episode_success: bool,
-    /// Whether it was demonstrated.
+    /// True if it was demonstrated.
     pub is_demo: bool,
 }
 
 impl<O> Transition<O> {
-    /// Whether the episode ended in this step by success or failure, not by time.
+    /// True if the episode ended in this step by success or failure, not by time.
     #[must_use]
     pub const fn terminated(&self) -> bool {
         self.next.is_none()

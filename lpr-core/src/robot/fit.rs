@@ -5,22 +5,24 @@
 //! same tolerance; a few of them are chosen that cover the surface, and each is then made as small
 //! as it may be. The tolerance grows until [`MAX_SPHERES`] are enough.
 //!
-//! What is covered, without exception: every point of the surface (of a mesh: of its triangles),
+//! Covered, without exception, are every point of the surface (of a mesh: of its triangles),
 //! and every cell of the grid that the surface encloses. A mesh need not be closed, convex or
-//! oriented; what has a hole wider than a cell encloses nothing, and is covered along its surface
-//! only.
+//! oriented; a mesh with a hole wider than a cell encloses nothing, and is covered along its
+//! surface only.
 //!
 //! The overshoot of a sphere is its radius less the distance of its centre from the surface, in
 //! which the errors of the grid are taken at their worst: no point of the sphere is further from
 //! the solid.
 
+mod ball;
 mod choice;
 mod grid;
 mod surface;
 
 use super::Sphere;
 use super::mesh::Triangle;
-use choice::{Ball, choose};
+use ball::Ball;
+use choice::choose;
 use glamx::DVec3;
 use grid::Grid;
 use surface::{cuboid, cylinder};

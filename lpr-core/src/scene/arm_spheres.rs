@@ -215,7 +215,7 @@ impl ArmSpheres {
         &self.limits
     }
 
-    /// Whether every joint that there is is within its limits.
+    /// True if every joint of the arm is within its limits.
     pub(crate) fn is_within_limits(&self, config: &JointConfig) -> bool {
         let limits = self.limits.iter().take(self.joints.len());
         limits.zip(config.iter()).all(|((lower, upper), q)| lower <= q && q <= upper)

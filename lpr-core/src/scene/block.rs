@@ -3,8 +3,9 @@
 //! Forward kinematics and checks run together. A link's bounding sphere is tested before its
 //! spheres, the hand before the links behind it, and the first hit in any lane ends the check.
 
-use super::Scene;
 use super::arm_spheres::{ArmPart, ArmSpheres, CLUSTER, Cluster, LinkSpheres, MAX_LINKS, Rotation};
+use super::contents::Scene;
+use super::frames::{Frames, MAX_WIDTH};
 use crate::lanes::{Floats, Vec3s, sincos};
 use crate::robot::{DOF, JointConfig, Motion};
 use arrayvec::ArrayVec;
@@ -16,17 +17,8 @@ use glamx::Vec3;
 const BLOCK: usize = 8;
 /// Most configurations of a motion: their fractions are exact in f32.
 const MAX_STEPS: usize = 1 << 23;
-/// Lanes of the widest vectors.
-pub(super) const MAX_WIDTH: usize = 16;
 
-/// A frame in the world, for each lane.
-#[derive(Clone, Copy)]
-pub(super) struct Frames<S: Simd> {
-    axes: [Vec3s<S>; 3],
-    origin: Vec3s<S>,
-}
-
-/// What a check of a motion found.
+/// Outcome of the check of a motion.
 pub(super) struct Checked {
     pub(super) is_free: bool,
     /// Configurations looked at.
@@ -52,7 +44,16 @@ pub(super) struct Sampled<'a> {
     pub(super) looks: Looks,
 }
 
-/// Whether the arm is free at the configurations of a motion.
+impl Scene {
+    /// True if the arm at `config` meets neither the scene nor itself.
+    #[must_use]
+    pub fn is_free(&self, arm: &ArmSpheres, config: &JointConfig) -> bool {
+        motion_is_free(self, arm, Sampled { a: config, b: config, n_steps: 1, looks: Looks::Ends })
+            .is_free
+    }
+}
+
+/// Checks the configurations of a motion.
 pub(super) fn motion_is_free(scene: &Scene, arm: &ArmSpheres, motion: Sampled<'_>) -> Checked {
     if !(motion.a.is_finite() && motion.b.is_finite()) {
         return Checked { is_free: false, n_checks: 0 };
@@ -185,7 +186,7 @@ fn clusters_meet<S: Simd>(
     false
 }
 
-/// Whether two balls overlap in any lane.
+/// True if two balls overlap in any lane.
 #[inline(always)]
 fn overlap<S: Simd>(a: Vec3s<S>, radius_a: f32, b: Vec3s<S>, radius_b: f32) -> bool {
     let reach = radius_a + radius_b;
@@ -221,44 +222,5 @@ fn forward_kinematics<S: Simd>(
                 }
             }
         };
-    }
-}
-
-impl<S: Simd> Frames<S> {
-    #[inline(always)]
-    fn identity(simd: S) -> Self {
-        let axes =
-            [Vec3s::splat(simd, Vec3::X), Vec3s::splat(simd, Vec3::Y), Vec3s::splat(simd, Vec3::Z)];
-        Self { axes, origin: Vec3s::splat(simd, Vec3::ZERO) }
-    }
-
-    /// One of the axes or its opposite.
-    #[inline(always)]
-    fn along(&self, (axis, sign): (usize, f32)) -> Vec3s<S> {
-        let axis = self.axes[axis];
-        if sign < 0.0 { Vec3s { x: -axis.x, y: -axis.y, z: -axis.z } } else { axis }
-    }
-
-    #[inline(always)]
-    fn vector(&self, v: Vec3) -> Vec3s<S> {
-        self.axes[0].times(v.x).add(self.axes[1].times(v.y)).add(self.axes[2].times(v.z))
-    }
-
-    /// A point of this frame in the world.
-    #[inline(always)]
-    pub(super) fn point(&self, v: Vec3) -> Vec3s<S> {
-        self.vector(v).add(self.origin)
-    }
-
-    /// A point most of whose coordinates are 0.
-    #[inline(always)]
-    fn offset(&self, v: Vec3) -> Vec3s<S> {
-        let mut point = self.origin;
-        for (axis, along) in [(0, v.x), (1, v.y), (2, v.z)] {
-            if along != 0.0 {
-                point = point.add(self.axes[axis].times(along));
-            }
-        }
-        point
     }
 }

@@ -4,7 +4,7 @@
 //! one look-up.
 
 use super::arm_spheres::LinkSpheres;
-use super::block::{Frames, MAX_WIDTH};
+use super::frames::{Frames, MAX_WIDTH};
 use crate::lanes::{Floats, Vec3s};
 use fearless_simd::{Simd, SimdBase as _, SimdFloat as _, SimdMask as _};
 use glamx::Vec3;
@@ -79,7 +79,7 @@ impl PointCloud {
         self.point_radius
     }
 
-    /// Whether a ball at `center` meets the ball of any point. Metres.
+    /// True if a ball at `center` meets the ball of any point. Metres.
     #[must_use]
     pub fn touches(&self, center: Vec3, radius: f32) -> bool {
         !self.is_surely_clear(center, radius) && self.search(center, radius + self.point_radius)
@@ -114,8 +114,8 @@ impl PointCloud {
         within.min_by(|(a, _), (b, _)| a.total_cmp(b)).map(|(_, point)| point)
     }
 
-    /// Whether the grid alone shows that a ball at `center` meets no point: quick, and never wrong
-    /// when it says yes.
+    /// True if the grid alone shows that a ball at `center` meets no point: quick, and never true
+    /// by mistake.
     ///
     /// ```
     /// use lpr_core::glamx::Vec3;
@@ -142,7 +142,7 @@ impl PointCloud {
         outside.dot(outside) + gap > reach * reach
     }
 
-    /// Whether in any lane a sphere of `link`, whose bounding sphere has its centre at `bound`,
+    /// True if in any lane a sphere of `link`, whose bounding sphere has its centre at `bound`,
     /// meets the ball of a point.
     #[inline(always)]
     pub(super) fn meet<S: Simd>(
@@ -210,7 +210,7 @@ impl PointCloud {
         })
     }
 
-    /// Whether any point lies within `reach` of `center`.
+    /// True if any point lies within `reach` of `center`.
     fn search(&self, center: Vec3, reach: f32) -> bool {
         let low = self.grid.coordinates((center - reach).clamp(self.grid.low, self.grid.high));
         let high = self.grid.coordinates((center + reach).clamp(self.grid.low, self.grid.high));
@@ -260,7 +260,7 @@ pub fn downsample(points: &[Vec3], voxel: f32) -> Vec<Vec3> {
     keyed.iter().map(|(_, idx)| points[*idx as usize]).collect()
 }
 
-/// Whether a point is near enough for the grid; axis by axis, since the largest element of a vector
+/// True if a point is near enough for the grid; axis by axis, since the largest element of a vector
 /// may hide a NaN.
 fn is_usable(point: Vec3) -> bool {
     point.abs().cmple(Vec3::splat(MAX_COORDINATE)).all()

@@ -1,7 +1,9 @@
 //! Checks of straight joint-space motions.
 
+use super::arm_spheres::ArmSpheres;
 use super::block::{self, Looks, Sampled};
-use super::{ArmSpheres, Proximity, Scene};
+use super::contents::Scene;
+use super::proximity::Proximity;
 use crate::robot::JointConfig;
 use core::cell::Cell;
 use core::fmt;
@@ -126,7 +128,7 @@ impl<'a> MotionChecker<'a> {
         self.n_checks.get()
     }
 
-    /// Whether the arm is free at `config`.
+    /// True if the arm is free at `config`.
     #[must_use]
     pub fn is_free(&self, config: &JointConfig) -> bool {
         self.n_checks.set(self.n_checks.get() + 1);
@@ -141,7 +143,7 @@ impl<'a> MotionChecker<'a> {
         self.scene.proximities(self.arm, config, reach)
     }
 
-    /// Whether the straight motion from `a`, which is not looked at, to `b` is free.
+    /// True if the straight motion from `a`, which is not looked at, to `b` is free.
     ///
     /// It is looked at in equal steps: eight, or a multiple of eight.
     #[must_use]
@@ -149,7 +151,7 @@ impl<'a> MotionChecker<'a> {
         self.look(a, b, Looks::Ends)
     }
 
-    /// Whether a motion that [`Self::motion_is_free`] found free, in whichever direction, is so
+    /// True if a motion that [`Self::motion_is_free`] found free, in whichever direction, is also free
     /// half-way between the configurations that it looked at.
     pub(crate) fn is_free_between(&self, a: &JointConfig, b: &JointConfig) -> bool {
         self.look(a, b, Looks::Middles)
@@ -162,7 +164,7 @@ impl<'a> MotionChecker<'a> {
         checked.is_free
     }
 
-    /// Whether the path through `configs` is free, its first configuration included.
+    /// True if the path through `configs` is free, its first configuration included.
     #[must_use]
     pub fn path_is_free(&self, configs: &[JointConfig]) -> bool {
         configs.first().is_none_or(|start| self.is_free(start))
@@ -212,7 +214,7 @@ mod tests {
         }
     }
 
-    /// What decides whether a second look finds something: an obstacle so small that the first may
+    /// Decides the second look: an obstacle so small that the first may
     /// step over it.
     #[test]
     fn looks_at_and_between_the_checks_are_those_of_twice_the_resolution() {

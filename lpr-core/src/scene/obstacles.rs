@@ -4,8 +4,9 @@
 //! No simulator state enters, so the same function serves a real camera. Depth on the table is an
 //! obstacle like any other.
 
-use super::arm_spheres::ArmPart;
-use super::{ArmSpheres, PointCloud, Scene, downsample};
+use super::arm_spheres::{ArmPart, ArmSpheres};
+use super::cloud::{PointCloud, downsample};
+use super::contents::Scene;
 use crate::perception::Observation;
 use crate::robot::{HAND, JointConfig, Robot, Sphere};
 use glamx::{Pose3, Vec3};
@@ -38,31 +39,31 @@ pub const HELD_BOX: [Vec3; 2] = [Vec3::new(-0.08, -0.08, -0.08), Vec3::new(0.08,
 /// Distance from the flange to the furthest point of the hand, with fingers and some room, metres.
 const HAND_LENGTH: f32 = 0.25;
 
-/// Whether the gripper holds something.
+/// The load of the gripper.
 ///
-/// What the gripper closed on is not in its own way:
+/// An object in the gripper is not in its own way:
 ///
 /// ```
 /// use lpr_core::glamx::Vec3;
 /// use lpr_core::robot::XARM7;
-/// use lpr_core::scene::{Holding, ObstacleQuery, obstacle_scene};
+/// use lpr_core::scene::{Held, ObstacleQuery, obstacle_scene};
 ///
 /// let beside = XARM7.grip(&XARM7.start) * Vec3::new(0.07, 0.0, 0.0);
 /// let n_obstacles = |holding| {
 ///     let query = ObstacleQuery { robot: &XARM7, measured: &XARM7.start, goal: None, holding };
 ///     obstacle_scene(&query, &[beside]).arm_points().points().len()
 /// };
-/// assert_eq!((n_obstacles(Holding::Nothing), n_obstacles(Holding::Object)), (1, 0));
+/// assert_eq!((n_obstacles(Held::Nothing), n_obstacles(Held::Object)), (1, 0));
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Holding {
+pub enum Held {
     /// The gripper is empty.
     Nothing,
     /// The gripper closed on something.
     Object,
 }
 
-/// What the arm knows of itself when it looks at a cloud.
+/// The state of the arm when a cloud is taken.
 #[derive(Debug, Clone, Copy)]
 pub struct ObstacleQuery<'a> {
     /// The arm.
@@ -71,8 +72,8 @@ pub struct ObstacleQuery<'a> {
     pub measured: &'a JointConfig,
     /// `world_from_grip` where it goes next, for the contact rule.
     pub goal: Option<&'a Pose3>,
-    /// Whether it holds something.
-    pub holding: Holding,
+    /// Its load.
+    pub holding: Held,
 }
 
 /// The scene that the cloud of all cameras of an observation makes: [`obstacle_scene`] at the
@@ -82,7 +83,7 @@ pub fn observed_obstacles(
     robot: &Robot,
     observation: &Observation,
     goal: Option<&Pose3>,
-    holding: Holding,
+    holding: Held,
 ) -> Scene {
     let measured = &observation.proprio.joints;
     let points: Vec<Vec3> = observation.colored_points().map(|(point, _)| point).collect();
@@ -98,7 +99,7 @@ pub fn observed_obstacles(
 /// ```
 /// use lpr_core::glamx::{Pose3, Vec3};
 /// use lpr_core::robot::XARM7;
-/// use lpr_core::scene::{Holding, ObstacleQuery, obstacle_scene};
+/// use lpr_core::scene::{Held, ObstacleQuery, obstacle_scene};
 ///
 /// // A camera sees a box on the table, the arm's own elbow, a wall out of reach, and a pixel without depth.
 /// let on_box = Vec3::new(0.4, 0.3, 0.1);
@@ -108,7 +109,7 @@ pub fn observed_obstacles(
 /// // Where the hand goes next, a finger will touch the box.
 /// let rotation = XARM7.grip(&XARM7.start).rotation;
 /// let goal = Pose3::from_parts(on_box - rotation * Vec3::new(0.0, 0.05, 0.0), rotation);
-/// let query = ObstacleQuery { robot: &XARM7, measured: &XARM7.start, goal: Some(&goal), holding: Holding::Nothing };
+/// let query = ObstacleQuery { robot: &XARM7, measured: &XARM7.start, goal: Some(&goal), holding: Held::Nothing };
 /// let scene = obstacle_scene(&query, &seen);
 /// assert_eq!(scene.arm_points().points(), [on_box]);
 /// assert!(scene.hand_points().points().is_empty(), "it is no obstacle to the hand");
@@ -128,7 +129,7 @@ pub fn obstacle_scene(query: &ObstacleQuery<'_>, points: &[Vec3]) -> Scene {
     let arm_points: Vec<Vec3> = downsample(&in_reach, VOXEL)
         .into_iter()
         .filter(|point| !itself.hold(*point))
-        .filter(|point| query.holding == Holding::Nothing || !is_held(&world_from_grip, *point))
+        .filter(|point| query.holding == Held::Nothing || !is_held(&world_from_grip, *point))
         .collect();
     let contact = gripper_in_contact(query, &arm);
     let hand_points: Vec<Vec3> =
@@ -223,14 +224,14 @@ mod tests {
         table.chain(skin.collect::<Vec<_>>()).chain([Vec3::NAN, Vec3::new(9.0, 0.0, 0.5)]).collect()
     }
 
-    fn query<'a>(robot: &'a Robot, goal: Option<&'a Pose3>, holding: Holding) -> ObstacleQuery<'a> {
+    fn query<'a>(robot: &'a Robot, goal: Option<&'a Pose3>, holding: Held) -> ObstacleQuery<'a> {
         ObstacleQuery { robot, measured: &robot.start, goal, holding }
     }
 
     #[test]
     fn the_arm_is_free_in_a_cloud_of_itself_and_the_table_stays() {
         let robot = stick_arm();
-        let scene = obstacle_scene(&query(&robot, None, Holding::Nothing), &view(&robot));
+        let scene = obstacle_scene(&query(&robot, None, Held::Nothing), &view(&robot));
         assert!(scene.is_free(&ArmSpheres::new(&robot), &robot.start));
         for point in scene.arm_points.points() {
             assert!(point.is_finite() && point.z == 0.0, "only the table is left, found {point}");
@@ -244,7 +245,7 @@ mod tests {
         let robot = stick_arm();
         let mut lowered = robot.grip(&robot.start);
         lowered.translation.z = 0.01;
-        let scene = obstacle_scene(&query(&robot, Some(&lowered), Holding::Nothing), &view(&robot));
+        let scene = obstacle_scene(&query(&robot, Some(&lowered), Held::Nothing), &view(&robot));
         let finger = lowered * Vec3::new(0.0, 0.05, 0.0);
         assert!(!scene.hand_points.touches(finger, 0.01));
         assert!(scene.arm_points.touches(finger, 0.01));
@@ -254,7 +255,7 @@ mod tests {
         );
         let goal = robot.ik_nearest(&lowered, &robot.start).unwrap();
         assert!(scene.is_free(&ArmSpheres::new(&robot), &goal));
-        let strict = obstacle_scene(&query(&robot, None, Holding::Nothing), &view(&robot));
+        let strict = obstacle_scene(&query(&robot, None, Held::Nothing), &view(&robot));
         assert!(!strict.is_free(&ArmSpheres::new(&robot), &goal));
     }
 
@@ -270,7 +271,7 @@ mod tests {
                 .points()
                 .to_vec()
         };
-        assert_eq!(left(Holding::Object), [below]);
-        assert_eq!(left(Holding::Nothing).len(), 2);
+        assert_eq!(left(Held::Object), [below]);
+        assert_eq!(left(Held::Nothing).len(), 2);
     }
 }

@@ -1,6 +1,6 @@
 //! Primitive obstacles and the distance of a point to them.
 
-use super::Shape;
+use super::shape::Shape;
 use glamx::{Pose3, Vec3};
 
 /// A solid obstacle in the world frame. Lengths in metres.
@@ -150,7 +150,7 @@ impl Primitive {
 }
 
 impl Primitive {
-    /// Whether every number is finite and no size is below 0.
+    /// True if every number is finite and no size is below 0.
     pub(super) fn is_sound(&self) -> bool {
         let is_size = |size: f32| size.is_finite() && size >= 0.0;
         match self {

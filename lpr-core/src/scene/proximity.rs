@@ -1,4 +1,4 @@
-//! What the arm is near to, by signed distance with its gradient in joint space: for planners that
+//! Obstacles near the arm: signed distances with their gradients in joint space, for planners that
 //! optimise.
 //!
 //! Scalar: a planner looks at a few thousand configurations. The sphere decides, as in the checks:
@@ -6,9 +6,10 @@
 //! geometric Jacobian of its centre.
 
 use super::arm_spheres::{ArmPart, ArmSpheres, Frame, LinkSpheres};
-use super::primitive::length;
+use super::cloud::PointCloud;
+use super::contents::Scene;
+use super::primitive::{Primitive, length};
 use super::signed_distance::SignedDistance;
-use super::{PointCloud, Primitive, Scene};
 use crate::robot::{DOF, JointConfig, Motion, Sphere};
 use glamx::Vec3;
 

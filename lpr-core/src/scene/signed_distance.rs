@@ -1,7 +1,6 @@
 //! Signed distances to primitives: how deep a point lies inside one, and which way is out.
 
-use super::Primitive;
-use super::primitive::{from_segment, length};
+use super::primitive::{Primitive, from_segment, length};
 use glamx::Vec3;
 
 /// How far a point is from a surface.

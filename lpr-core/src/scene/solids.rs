@@ -1,8 +1,8 @@
 //! Primitives prepared for checks: which of many a ball meets, for every lane at once.
 
 use super::arm_spheres::LinkSpheres;
-use super::block::Frames;
-use super::{Face, Primitive};
+use super::frames::Frames;
+use super::primitive::{Face, Primitive};
 use crate::lanes::Vec3s;
 use fearless_simd::{Simd, SimdBase as _, SimdFloat, SimdMask as _};
 use glamx::{Pose3, Quat, Vec3};
@@ -24,7 +24,7 @@ pub(super) struct Solids {
     hulls: Vec<HullFaces>,
 }
 
-/// What every kind of solid has.
+/// Numbers that every kind of solid has.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Tag {
     /// Index of the primitive.
@@ -111,10 +111,10 @@ impl Solids {
         match &primitive {
             _ if !primitive.is_sound() => self.fill_space(),
             Primitive::Sphere { center, radius } => {
-                self.balls.push(Ball { tag, center: *center, radius: *radius })
+                self.balls.push(Ball { tag, center: *center, radius: *radius });
             }
             Primitive::Cuboid { world_from_box, half_extents } => {
-                self.push_box(tag, world_from_box, *half_extents)
+                self.push_box(tag, world_from_box, *half_extents);
             }
             Primitive::Capsule { a, b, radius } => {
                 let axis = *b - *a;
@@ -134,7 +134,7 @@ impl Solids {
                     axes: axes(world_from_cylinder.rotation),
                     radius: *radius,
                     half_length: *half_length,
-                })
+                });
             }
             Primitive::Hull { faces } => self.hulls.push(HullFaces { tag, faces: faces.clone() }),
         }
@@ -184,7 +184,7 @@ impl Solids {
             .map(|(solid, _)| solid)
     }
 
-    /// Whether in any lane a solid meets a sphere of `link`, whose bounding sphere has its centre
+    /// True if in any lane a solid meets a sphere of `link`, whose bounding sphere has its centre
     /// at `bound`.
     ///
     /// `bit` is the link's; solids that it may touch are passed over.
@@ -231,7 +231,7 @@ impl Solids {
     }
 }
 
-/// Whether a ball meets a solid in any lane, for every kind.
+// `touches` is true if a ball meets the solid in any lane, for every kind of solid.
 impl Ball {
     #[inline(always)]
     fn touches<S: Simd>(&self, center: Vec3s<S>, radius: f32) -> bool {

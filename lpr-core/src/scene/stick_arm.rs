@@ -52,7 +52,7 @@ fn hand() -> &'static [Sphere] {
     Vec::leak(bar.into_iter().chain(fingers).collect())
 }
 
-/// Whether any sphere of the arm comes within `margin` (metres, may be negative) of the obstacles
+/// True if no sphere of the arm comes within `margin` (metres, may be negative) of the obstacles
 /// or of another link: slow, over every pair, with the kinematics in f64.
 pub(crate) fn is_free_by_brute_force(
     robot: &Robot,

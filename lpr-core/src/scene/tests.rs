@@ -1,8 +1,9 @@
+use super::block::{Looks, Sampled};
 use super::stick_arm::{is_free_by_brute_force, stick_arm};
 use super::*;
-use crate::robot::{Chain, ChainJoint, ChainLink, Motion, Sphere};
+use crate::robot::{Chain, ChainJoint, ChainLink, JointConfig, Motion, Sphere};
 use fearless_simd::Level;
-use glamx::{DPose3, DQuat, DVec3, Pose3, Quat};
+use glamx::{DPose3, DQuat, DVec3, Pose3, Quat, Vec3};
 use proptest::prelude::*;
 
 /// Rounding of f32 kinematics, metres: checks that are decided by less are left out.

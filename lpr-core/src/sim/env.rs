@@ -225,9 +225,9 @@ impl SimEnvironment {
     #[must_use]
     pub fn obstacles(&mut self, goal: Option<&Pose3>) -> Scene {
         let holding = if self.world.holding() == Holding::Nothing {
-            scene::Holding::Nothing
+            scene::Held::Nothing
         } else {
-            scene::Holding::Object
+            scene::Held::Object
         };
         observed_obstacles(self.robot, &self.observe(), goal, holding)
     }

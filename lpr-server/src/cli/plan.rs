@@ -47,11 +47,7 @@ pub(super) struct Arguments {
 
 /// The planner of that name.
 fn planner(name: &str) -> Result<PlannerKind, String> {
-    let known = || PlannerKind::ALL.map(PlannerKind::name).join(", ");
-    PlannerKind::ALL
-        .into_iter()
-        .find(|kind| kind.name() == name)
-        .ok_or_else(|| format!("unknown planner '{name}', known: {}", known()))
+    PlannerKind::by_name(name).map_err(|error| error.to_string())
 }
 
 fn range(text: &str) -> Result<f32, String> {

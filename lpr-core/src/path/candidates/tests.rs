@@ -1,25 +1,27 @@
+use super::sampler::goal_configs;
 use super::*;
-use crate::path::{c2farm_path, linear_candidate};
-use crate::robot::{ROBOTS, XARM7};
+use crate::error::Error;
+use crate::path::curves::BezierSettings;
+use crate::path::joint_path::JointPath;
+use crate::path::planners::{PlannerKind, RrtSettings};
+use crate::path::rejection::Rejection;
+use crate::path::source::Source;
+use crate::robot::{JointConfig, ROBOTS, Robot, XARM7};
 use crate::scene::stick_arm::stick_arm;
-use crate::scene::{Holding, ObstacleQuery, Primitive, obstacle_scene};
-use glamx::{Quat, Vec2, Vec3};
+use crate::scene::{
+    ArmSpheres, Held, MotionChecker, ObstacleQuery, Primitive, Scene, obstacle_scene,
+};
+use glamx::{Pose3, Quat, Vec2, Vec3};
 use proptest::prelude::*;
 
 const STREAMS: CandidateStreams = CandidateStreams { seed: 11, step: 3 };
 
 fn settings() -> CandidateSettings {
     CandidateSettings {
-        path_len: 10,
         planner_paths: 8,
         bezier_paths: 6,
-        screw_paths: 0,
-        planner_collision_free_fraction: 0.5,
-        draws_per_path: 5,
-        min_goal_distance: 0.2,
-        planner: PlannerKind::RrtConnect,
-        rrt: RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 500 },
         bezier: BezierSettings { sigma: 0.1 },
+        ..CandidateSettings::EXAMPLE
     }
 }
 
@@ -40,12 +42,8 @@ fn tabletop(robot: &Robot, goal: &Pose3) -> Scene {
     });
     let post = (0..30_u8).map(|z| Vec3::new(0.5, 0.1, 0.02 * f32::from(z)));
     let points: Vec<Vec3> = table.chain(post).collect();
-    let query = ObstacleQuery {
-        robot,
-        measured: &robot.start,
-        goal: Some(goal),
-        holding: Holding::Nothing,
-    };
+    let query =
+        ObstacleQuery { robot, measured: &robot.start, goal: Some(goal), holding: Held::Nothing };
     obstacle_scene(&query, &points)
 }
 
@@ -79,7 +77,7 @@ proptest! {
     }
 }
 
-/// What holds for every candidate set with a goal in reach.
+/// Checks the rules of every candidate set whose goal is within reach.
 fn check(query: &PathQuery<'_>, streams: CandidateStreams) -> Result<(), TestCaseError> {
     let PathQuery { robot, start, goal, scene, .. } = *query;
     let set = candidates(query, &settings(), streams);
@@ -289,6 +287,7 @@ fn the_baseline_goes_straight_and_where_it_cannot_takes_the_nearest_goal() {
     }
 }
 
+#[cfg(feature = "planners")]
 #[test]
 fn every_planner_gives_candidates_that_do_not_collide() {
     let robot = stick_arm();
@@ -297,7 +296,7 @@ fn every_planner_gives_candidates_that_do_not_collide() {
     let post = Primitive::Capsule { a: foot, b: foot + at.z * Vec3::Z, radius: 0.02 };
     let scene = Scene::from_primitives(vec![post]);
     let mut sets = Vec::new();
-    for planner in PlannerKind::ALL {
+    for &planner in PlannerKind::ALL {
         let settings = CandidateSettings {
             planner,
             planner_collision_free_fraction: 1.0,
@@ -318,10 +317,32 @@ fn settings_that_name_no_planner_mean_rrt_connect_and_are_written_as_they_were()
     let written = toml::to_string(&settings()).unwrap();
     assert!(!written.contains("planner ="), "{written}");
     assert_eq!(toml::from_str::<CandidateSettings>(&written), Ok(settings()));
+}
+
+#[cfg(feature = "planners")]
+#[test]
+fn settings_name_a_planner_by_its_word() {
     let other = CandidateSettings { planner: PlannerKind::Stomp, ..settings() };
     let written = toml::to_string(&other).unwrap();
     assert!(written.contains("planner = \"stomp\""), "{written}");
     assert_eq!(toml::from_str::<CandidateSettings>(&written), Ok(other));
+}
+
+/// The planner that settings with that word name, or what is wrong with it.
+fn planner_named(word: &str) -> Result<PlannerKind, String> {
+    let mut table: toml::Table = toml::to_string(&settings()).unwrap().parse().unwrap();
+    table.insert("planner".to_owned(), word.into());
+    let text = toml::to_string(&table).unwrap();
+    let settings = toml::from_str::<CandidateSettings>(&text);
+    settings.map(|settings| settings.planner).map_err(|error| error.to_string())
+}
+
+#[test]
+fn an_unknown_planner_is_named_with_those_that_there_are() {
+    assert_eq!(planner_named("rrt-connect"), Ok(PlannerKind::RrtConnect));
+    let message = planner_named("prm").unwrap_err();
+    assert!(message.contains("planner: expected one of rrt-connect"), "{message}");
+    assert!(message.contains("found 'prm'") && !message.contains("built without"), "{message}");
 }
 
 #[test]
@@ -334,7 +355,25 @@ fn settings_out_of_range_are_named() {
             "planner_collision_free_fraction",
         ),
         (CandidateSettings { draws_per_path: 0, ..settings() }, "draws_per_path"),
-        (CandidateSettings { bezier: BezierSettings { sigma: f32::NAN }, ..settings() }, "sigma"),
+        (
+            CandidateSettings { bezier: BezierSettings { sigma: f32::NAN }, ..settings() },
+            "candidates.bezier.sigma: expected a finite number from 0, found NaN",
+        ),
+        (
+            CandidateSettings { rrt: RrtSettings { range: 0.0, ..settings().rrt }, ..settings() },
+            "candidates.rrt.range: expected a number above 0, found 0",
+        ),
+        (
+            CandidateSettings {
+                rrt: RrtSettings { checks_per_radian: f32::INFINITY, ..settings().rrt },
+                ..settings()
+            },
+            "candidates.rrt.checks_per_radian: expected a finite number above 0, found inf",
+        ),
+        (
+            CandidateSettings { planner_paths: 20_000, ..settings() },
+            "candidates.draws_per_path: expected at most 65536 draws for all paths, found 100000",
+        ),
     ] {
         let Err(Error::Config(message)) = settings.check() else { panic!("{name} was accepted") };
         assert!(message.contains(name), "{message}");

@@ -1,31 +1,10 @@
 //! Few of many balls that cover what must be covered.
 
-use super::grid::{Grid, Spot};
-use glamx::DVec3;
+use super::ball::{Ball, Spot};
+use super::grid::Grid;
 
 /// Spots on which candidates are compared.
 const N_COMPARED: usize = 1024;
-
-/// A ball that may be enlarged.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Ball {
-    pub(super) center: DVec3,
-    /// Distance of the centre from the surface, at least; negative outside.
-    pub(super) depth: f64,
-    pub(super) radius: f64,
-}
-
-impl Ball {
-    fn covers(&self, spot: &Spot) -> bool {
-        let room = self.radius - spot.radius;
-        room >= 0.0 && self.center.distance_squared(spot.center) <= room * room
-    }
-
-    /// How far the spot is from leaving the ball, metres.
-    fn room_around(&self, spot: &Spot) -> f64 {
-        self.radius - spot.radius - self.center.distance(spot.center)
-    }
-}
 
 /// At most `n` balls, enlarged by no more than `tolerance`, that cover the grid's spots.
 ///

@@ -5,7 +5,7 @@
 //! neighbour cannot cross the surface unseen.
 
 use super::Triangle;
-use super::choice::Ball;
+use super::ball::{Ball, Spot};
 use glamx::DVec3;
 
 /// Cells of the box around the surface, about.
@@ -41,13 +41,6 @@ pub(super) struct Grid {
     enclosed: Vec<Ball>,
     /// One sample of each cell through which the surface passes.
     on_surface: Vec<Ball>,
-}
-
-/// A ball that must be covered.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Spot {
-    pub(super) center: DVec3,
-    pub(super) radius: f64,
 }
 
 /// Cells along each axis from the lowest corner.
@@ -94,7 +87,7 @@ impl Grid {
         1.01 * self.enclosed.iter().map(of_cell).fold(of_sample, f64::max)
     }
 
-    /// What must be covered, the furthest from the middle first.
+    /// Everything to cover, the furthest from the middle first.
     pub(super) fn spots(&self) -> &[Spot] {
         &self.spots
     }

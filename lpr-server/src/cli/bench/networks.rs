@@ -9,7 +9,7 @@ use lpr_core::config::Config;
 use lpr_core::nn::Backend;
 use lpr_core::path::JointPath;
 use lpr_core::policy::{Policy, PolicySample};
-use lpr_core::q_attention::{NextBestPose, QObservation, QSample, Weights};
+use lpr_core::q_attention::{ActingNetwork, NextBestPose, QObservation, QSample};
 use lpr_core::ranker::{RankedPath, Ranker, RankerContext, RankerSample, RankerTransition};
 use lpr_core::rng::{Stream, stream};
 use lpr_core::robot::{JointConfig, XARM7};
@@ -54,7 +54,7 @@ fn fast_network(fast: &Config, mut env: SimEnvironment) -> Result<Vec<Row>> {
     }; SCENES];
     let mut rng = stream(0, Stream::Augment, 0);
     let train = measure("fast_train_b16", || attention.update(&batch, &mut rng));
-    Ok(vec![train, measure("fast_infer_b1", || attention.act(&seen, Weights::Online))])
+    Ok(vec![train, measure("fast_infer_b1", || attention.act(&seen, ActingNetwork::Online))])
 }
 
 /// One update of every network with the preset `fast`, replay included.

@@ -11,7 +11,7 @@ use lpr_core::path::{
 use lpr_core::rng::{Stream, stream};
 use lpr_core::robot::{DOF, JointConfig, PANDA, Robot, XARM7};
 use lpr_core::scene::{
-    ArmSpheres, Holding, MotionChecker, ObstacleQuery, Primitive, Scene, obstacle_scene,
+    ArmSpheres, Held, MotionChecker, ObstacleQuery, Primitive, Scene, obstacle_scene,
 };
 use lpr_core::sim::SimEnvironment;
 use lpr_core::sim::tasks::Task;
@@ -117,7 +117,7 @@ fn planner() -> Result<[Row; 2]> {
     let goal = env.plan().goals[0].pose;
     let (observation, start) = (env.observe(), *env.world().config());
     let points: Vec<Vec3> = observation.colored_points().map(|(point, _)| point).collect();
-    let holding = Holding::Nothing;
+    let holding = Held::Nothing;
     let look = ObstacleQuery { robot: env.robot(), measured: &start, goal: Some(&goal), holding };
     let scene = obstacle_scene(&look, &points);
     let settings = CandidateSettings {

@@ -1,0 +1,225 @@
+//! How fast the grip moves along the curve.
+//!
+//! Its velocity by the chord length, `p' = J(q) q'`, is interpolated on every interval by the
+//! parabola through three of its values. What the parabola misses is at most `h³ / (72 √3)` times a
+//! bound to `p''''`, and that follows from the arm's reach `L`: no partial derivative of the grip's
+//! position by angles, of any order, is longer than `L`, so that by Faà di Bruno's formula
+//! `|p''''| ≤ L (w₁⁴ + 6 w₁² w₂ + 3 w₂² + 4 w₁ w₃)`, where `w_k` is the sum of the joints' `k`-th
+//! derivatives.
+
+use super::grid::Interval;
+use super::grip_bound::GripBound;
+use super::spline::{Piece, SmoothPath};
+use crate::path::timing::motion_limits::GripSpeedLimit;
+use crate::robot::{DOF, Robot};
+use glamx::DVec3;
+
+/// Largest error of a parabola through both ends and the middle of an interval, per third
+/// derivative and cubed width: `1 / (72 √3)`.
+const PARABOLA_ERROR: f64 = 0.008_018_753_738_744_8;
+
+/// Error of a parabola, as a share of the speed, that costs next to nothing.
+const ENOUGH: f64 = 0.01;
+
+/// Times that an interval is halved at most until its parabolas are as good as that.
+const HALVINGS: usize = 3;
+
+/// Sets the bounds of all `intervals` of `path`.
+pub(super) fn limit_grip(
+    path: &SmoothPath,
+    intervals: &mut [Interval],
+    limit: &GripSpeedLimit<'_>,
+) {
+    let arm = Arm::of(limit.robot);
+    let scale = 1.0 / (limit.max_speed * limit.max_speed);
+    // The velocity at the end of one interval is that at the start of the next: the curve's first
+    // derivative is continuous.
+    let mut start = arm.velocity_on(&path.piece(0), 0.0);
+    for interval in intervals {
+        let piece = path.piece(interval.piece);
+        let end = arm.velocity_on(&piece, interval.end());
+        let squares = arm.squares(
+            &piece,
+            &Stretch { offset: interval.offset, width: interval.width, start, end },
+            HALVINGS,
+        );
+        interval.grip = GripBound(squares.map(|square| square * scale));
+        start = end;
+    }
+}
+
+/// A part of a piece, and the grip's velocities by the chord length at its ends, m/rad.
+#[derive(Debug, Clone, Copy)]
+struct Stretch {
+    offset: f64,
+    width: f64,
+    start: DVec3,
+    end: DVec3,
+}
+
+/// The parts of a robot that decide how its grip moves.
+#[derive(Debug)]
+pub(super) struct Arm<'a> {
+    robot: &'a Robot,
+    /// Sines and cosines of the twists before the joints.
+    twists: [(f64, f64); DOF],
+    /// Distance that no point of the grip can have from any joint, metres.
+    reach: f64,
+}
+
+impl<'a> Arm<'a> {
+    pub(super) fn of(robot: &'a Robot) -> Self {
+        Self {
+            robot,
+            twists: robot.joints.map(|joint| libm::sincos(joint.alpha)),
+            reach: reach(robot),
+        }
+    }
+
+    /// Velocity of the grip, m/s, at angles (rad) that change at `rates` (rad/s): its position and
+    /// velocity in the frame of one joint after the other, down to the base.
+    pub(super) fn velocity(&self, angles: &[f64; DOF], rates: &[f64; DOF]) -> DVec3 {
+        let mut at =
+            self.robot.link7_from_flange.transform_point(self.robot.flange_from_grip.translation);
+        let mut velocity = DVec3::ZERO;
+        for j in (0..DOF).rev() {
+            let joint = &self.robot.joints[j];
+            let turn = libm::sincos(angles[j]);
+            at = turned_about_z(DVec3::new(at.x, at.y, at.z + joint.d), turn);
+            velocity = turned_about_z(velocity, turn) + rates[j] * DVec3::new(-at.y, at.x, 0.0);
+            at = turned_about_x(DVec3::new(at.x + joint.a, at.y, at.z), self.twists[j]);
+            velocity = turned_about_x(velocity, self.twists[j]);
+        }
+        velocity
+    }
+
+    /// Velocity of the grip by the chord length at `offset` of a piece, m/rad.
+    fn velocity_on(&self, piece: &Piece, offset: f64) -> DVec3 {
+        self.velocity(&piece.angles(offset), &piece.first(offset))
+    }
+
+    /// Bernstein coefficients (degree 4) of a bound to the square of the grip's speed by the chord
+    /// length. Where a parabola says too little, one for both halves.
+    fn squares(&self, piece: &Piece, stretch: &Stretch, halvings: usize) -> [f64; 5] {
+        let Stretch { offset, width, start, end } = *stretch;
+        let half = 0.5 * width;
+        let middle = self.velocity_on(piece, offset + half);
+        let points = [start, 2.0 * middle - 0.5 * (start + end), end];
+        let longest =
+            libm::sqrt(points.into_iter().map(|point| point.dot(point)).fold(0.0, f64::max));
+        let error = PARABOLA_ERROR * width * width * width * self.reach * growth(piece, stretch);
+        if halvings == 0 || error <= ENOUGH * longest {
+            return squared(points, (2.0 * longest + error) * error);
+        }
+        let first =
+            self.squares(piece, &Stretch { width: half, end: middle, ..*stretch }, halvings - 1);
+        let second = self.squares(
+            piece,
+            &Stretch { offset: offset + half, width: half, start: middle, end },
+            halvings - 1,
+        );
+        [first.into_iter().chain(second).fold(0.0, f64::max); 5]
+    }
+}
+
+fn turned_about_z(v: DVec3, (sin, cos): (f64, f64)) -> DVec3 {
+    DVec3::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y, v.z)
+}
+
+fn turned_about_x(v: DVec3, (sin, cos): (f64, f64)) -> DVec3 {
+    DVec3::new(v.x, cos * v.y - sin * v.z, sin * v.y + cos * v.z)
+}
+
+/// Bernstein coefficients of the square of a parabola with control points `points`, and `more`.
+fn squared([a, b, c]: [DVec3; 3], more: f64) -> [f64; 5] {
+    [a.dot(a), a.dot(b), (2.0 * b.dot(b) + a.dot(c)) / 3.0, b.dot(c), c.dot(c)]
+        .map(|square| square + more)
+}
+
+/// The factor of the reach in the bound to `p''''`, 1/rad⁴.
+fn growth(piece: &Piece, stretch: &Stretch) -> f64 {
+    let sum = |a: &[f64; DOF], b: &[f64; DOF]| -> f64 {
+        a.iter().zip(b).map(|(a, b)| a.abs().max(b.abs())).sum()
+    };
+    let (second, second_at_end) =
+        (piece.second(stretch.offset), piece.second(stretch.offset + stretch.width));
+    let bends = sum(&second, &second_at_end);
+    // A derivative moves over an interval by no more than its own derivative allows.
+    let slopes = sum(&piece.first(stretch.offset), &[0.0; DOF]) + stretch.width * bends;
+    let thirds = sum(piece.third(), piece.third());
+    let slopes_squared = slopes * slopes;
+    slopes_squared * slopes_squared
+        + 6.0 * slopes_squared * bends
+        + 3.0 * bends * bends
+        + 4.0 * slopes * thirds
+}
+
+/// Links stretched out, metres.
+fn reach(robot: &Robot) -> f64 {
+    let links: f64 = robot.joints.iter().map(|joint| libm::hypot(joint.a, joint.d)).sum();
+    let length = |v: DVec3| libm::sqrt(v.dot(v));
+    links + length(robot.link7_from_flange.translation) + length(robot.flange_from_grip.translation)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::grid::grid;
+    use super::*;
+    use crate::path::joint_path::JointPath;
+    use crate::robot::{JointConfig, ROBOTS};
+    use proptest::prelude::*;
+
+    #[test]
+    fn the_error_of_a_parabola_is_that_of_the_cubic() {
+        assert!((PARABOLA_ERROR - 1.0 / (72.0 * 3.0_f64.sqrt())).abs() < 1e-16);
+    }
+
+    fn bernstein(coefficients: &[f64; 5], t: f64) -> f64 {
+        let s = 1.0 - t;
+        let weights =
+            [s.powi(4), 4.0 * s.powi(3) * t, 6.0 * s * s * t * t, 4.0 * s * t.powi(3), t.powi(4)];
+        coefficients.iter().zip(weights).map(|(c, w)| c * w).sum()
+    }
+
+    proptest! {
+        #[test]
+        fn the_grips_velocity_is_that_of_the_jacobian(
+            angles in prop::array::uniform7(-3.0_f32..3.0), rates in prop::array::uniform7(-2.0..2.0_f64),
+        ) {
+            for robot in ROBOTS {
+                let jacobian = robot.jacobian(&JointConfig(angles));
+                let velocity = Arm::of(robot).velocity(&angles.map(f64::from), &rates);
+                for (row, found) in jacobian.iter().zip(velocity.to_array()) {
+                    let expected: f64 = row.iter().zip(rates).map(|(per_rate, rate)| per_rate * rate).sum();
+                    prop_assert!((found - expected).abs() < 1e-12);
+                }
+            }
+        }
+
+        #[test]
+        fn the_bound_is_above_the_grips_speed_and_near_it(
+            angles in prop::collection::vec(prop::array::uniform7(-1.0_f32..1.0).prop_map(JointConfig), 2..6),
+        ) {
+            let path = SmoothPath::through(&JointPath::new(angles).unwrap());
+            prop_assume!(path.n_pieces() > 0);
+            for robot in ROBOTS {
+                let arm = Arm::of(robot);
+                let mut intervals = grid(&path);
+                limit_grip(&path, &mut intervals, &GripSpeedLimit { robot, max_speed: 2.0 });
+                for interval in &intervals {
+                    let piece = path.piece(interval.piece);
+                    let mut fastest = 0.0_f64;
+                    for i in 0..=8 {
+                        let t = f64::from(i) / 8.0;
+                        let speed = arm.velocity_on(&piece, interval.offset + t * interval.width).length();
+                        let bound = libm::sqrt(bernstein(&interval.grip.0, t)) * 2.0;
+                        prop_assert!(speed <= bound * (1.0 + 1e-12), "{speed} of {bound}");
+                        fastest = fastest.max(speed);
+                    }
+                    let bound = libm::sqrt(interval.grip.max()) * 2.0;
+                    prop_assert!(bound <= 1.05 * fastest + 0.05, "{fastest} of {bound}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,32 @@
+//! Coarse-to-fine Q-attention: from a voxelised scene to the next-best pose.
+
+mod action;
+#[cfg(feature = "learn")]
+mod agent;
+#[cfg(feature = "learn")]
+mod batch;
+#[cfg(feature = "learn")]
+mod loss;
+#[cfg(feature = "learn")]
+mod network;
+mod next_best_pose;
+mod observation;
+mod settings;
+
+pub use action::{
+    ActionCodec, DiscreteAction, RotationCodec, canonical, canonical_grasp, nearest_grasp,
+};
+#[cfg(feature = "learn")]
+pub use agent::{
+    ActingNetwork, DepthDecision, DepthState, QAttention, QAttentionState, QDecision, UpdateReport,
+};
+#[cfg(feature = "learn")]
+pub use batch::QSample;
+#[cfg(feature = "learn")]
+pub use network::{Heads, NetworkCost, NetworkInput, PoseValues, QNetwork, QValues};
+pub use next_best_pose::NextBestPose;
+pub use observation::{QObservation, StoredPoint};
+pub use settings::{Imitation, NetworkSettings, QAttentionSettings};
+
+#[cfg(all(test, feature = "learn"))]
+mod tests;

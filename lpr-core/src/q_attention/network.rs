@@ -1,0 +1,117 @@
+//! The networks that value every voxel, rotation bin and gripper command of one depth.
+
+mod blocks;
+mod fast;
+mod layers;
+mod paper;
+
+use super::settings::{NetworkSettings, QAttentionSettings};
+use crate::rng::Rng;
+use fast::{FastHeadSizes, FastNetwork, FastSizes};
+use paper::{PaperNetwork, PaperSizes};
+
+use burn::module::Module;
+use burn::tensor::{Device, Tensor};
+
+/// Input of the network of one depth.
+#[derive(Debug, Clone)]
+pub struct NetworkInput {
+    /// `[B, 10, D H W]`: the channels of [`crate::perception::VoxelGrid`].
+    pub voxels: Tensor<3>,
+    /// `[B, 11]`: what the arm knows of itself.
+    pub proprio: Tensor<2>,
+}
+
+/// The values that the network of one depth gives.
+#[derive(Debug, Clone)]
+pub struct QValues {
+    /// `[B, D H W]`: one value per voxel, x fastest.
+    pub translation: Tensor<2>,
+    /// Rotation and gripper, at the last depth only.
+    pub pose: Option<PoseValues>,
+}
+
+/// Values of rotation bins and gripper commands.
+#[derive(Debug, Clone)]
+pub struct PoseValues {
+    /// `[B, 3, R]`: Euler angles about x, y, z.
+    pub rotation: Tensor<3>,
+    /// `[B, 2]`: close, open.
+    pub gripper: Tensor<2>,
+}
+
+/// Cost of one forward pass of one sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NetworkCost {
+    /// Trained numbers.
+    pub parameters: usize,
+    /// Floating-point operations: two a multiply-accumulate.
+    pub flops: usize,
+}
+
+/// The network of one depth.
+#[derive(Module, Debug)]
+pub struct QNetwork {
+    paper: Option<PaperNetwork>,
+    fast: Option<FastNetwork>,
+}
+
+/// The parts of an action that a network values.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Heads {
+    /// Voxels only: every depth but the last.
+    Translation,
+    /// Voxels, rotation bins and gripper: the last depth.
+    Pose,
+}
+
+impl QNetwork {
+    /// A network with fresh weights.
+    #[must_use]
+    pub fn new(
+        settings: &QAttentionSettings,
+        heads: Heads,
+        device: &Device,
+        rng: &mut Rng,
+    ) -> Self {
+        let side = settings.voxels_per_side;
+        let rotation_bins = settings.rotation_bins;
+        match settings.network {
+            NetworkSettings::Paper { channels, bottleneck, hidden } => {
+                let rotation_bins = (heads == Heads::Pose).then_some(rotation_bins);
+                let sizes = PaperSizes { side, channels, bottleneck, hidden, rotation_bins };
+                Self { paper: Some(PaperNetwork::new(sizes, device, rng)), fast: None }
+            }
+            NetworkSettings::Fast {
+                cell_channels,
+                block_channels,
+                head_channels,
+                hidden,
+                harmonics,
+            } => {
+                let sizes = FastSizes { side, cell_channels, block_channels };
+                let head = FastHeadSizes { head_channels, hidden, rotation_bins, harmonics };
+                let head = (heads == Heads::Pose).then_some(head);
+                Self { paper: None, fast: Some(FastNetwork::new(sizes, head, device, rng)) }
+            }
+        }
+    }
+
+    /// Values of everything that can be chosen.
+    #[must_use]
+    pub fn forward(&self, input: NetworkInput) -> QValues {
+        match (&self.paper, &self.fast) {
+            (Some(paper), _) => paper.forward(input),
+            (None, Some(fast)) => fast.forward(input),
+            (None, None) => unreachable!("a network is one of the two kinds"),
+        }
+    }
+
+    /// Parameters, and operations of one forward pass of one sample.
+    #[must_use]
+    pub fn cost(&self) -> NetworkCost {
+        let macs = self.paper.as_ref().map_or(0, PaperNetwork::macs)
+            + self.fast.as_ref().map_or(0, FastNetwork::macs);
+        NetworkCost { parameters: self.num_params(), flops: 2 * macs }
+    }
+}

@@ -1,0 +1,13 @@
+//! The outcome of Q-attention.
+
+use crate::robot::Gripper;
+use glamx::Pose3;
+
+/// Where the gripper goes next and what it does there: `g` in the paper.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NextBestPose {
+    /// Pose of `grip` in the world.
+    pub pose: Pose3,
+    /// Command given when the pose is reached.
+    pub gripper: Gripper,
+}

@@ -1,0 +1,36 @@
+//! Obstacles of the arm: primitives and the point cloud of a camera, checked against the robot's
+//! spheres.
+//!
+//! Checks run in f32 without fused operations, so that native code and wasm decide alike. The base
+//! link is never tested against the scene, since it does not move.
+
+mod arm_spheres;
+mod block;
+mod cloud;
+mod contents;
+mod frames;
+mod motion;
+mod obstacles;
+mod primitive;
+mod proximity;
+mod shape;
+mod signed_distance;
+mod solids;
+#[cfg(test)]
+pub(crate) mod stick_arm;
+
+pub use arm_spheres::{ArmSpheres, MAX_LINKS};
+pub use cloud::{PointCloud, downsample};
+pub use contents::Scene;
+pub use motion::MotionChecker;
+pub use obstacles::{
+    CONTACT_DISTANCE, HELD_BOX, Held, ObstacleQuery, POINT_RADIUS, SELF_FILTER_INFLATION, VOXEL,
+    obstacle_scene, observed_obstacles,
+};
+pub use primitive::{Face, Primitive};
+pub use proximity::Proximity;
+pub use shape::{Part, Shape};
+pub use signed_distance::SignedDistance;
+
+#[cfg(test)]
+mod tests;
