@@ -111,10 +111,10 @@ impl Solids {
         match &primitive {
             _ if !primitive.is_sound() => self.fill_space(),
             Primitive::Sphere { center, radius } => {
-                self.balls.push(Ball { tag, center: *center, radius: *radius })
+                self.balls.push(Ball { tag, center: *center, radius: *radius });
             }
             Primitive::Cuboid { world_from_box, half_extents } => {
-                self.push_box(tag, world_from_box, *half_extents)
+                self.push_box(tag, world_from_box, *half_extents);
             }
             Primitive::Capsule { a, b, radius } => {
                 let axis = *b - *a;
@@ -134,7 +134,7 @@ impl Solids {
                     axes: axes(world_from_cylinder.rotation),
                     radius: *radius,
                     half_length: *half_length,
-                })
+                });
             }
             Primitive::Hull { faces } => self.hulls.push(HullFaces { tag, faces: faces.clone() }),
         }
