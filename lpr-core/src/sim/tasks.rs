@@ -1,16 +1,14 @@
-//! The tasks: each one small file of data and plain functions.
+//! Tasks: each one small file of data and plain functions.
 //!
 //! Geometry, limits, randomisation and success conditions are those published for `RLBench`'s tasks
 //! of the same name; the scenes are our own, made of primitives. A task is built in its own frame
 //! (origin on the table, z up) and then placed.
 
 mod builder;
-mod cardboard_box;
-mod chest;
 mod close_box;
 mod close_drawer;
 mod close_grill;
-mod grill;
+mod objects;
 mod open_box;
 mod open_dishwasher;
 mod open_door;
@@ -27,17 +25,17 @@ mod slide_block_to_target;
 mod stack_wine;
 mod take_lid_off_saucepan;
 mod take_umbrella_out_of_umbrella_stand;
-mod toilet;
 mod toilet_seat_down;
 mod toilet_seat_up;
 
-use super::scene_spec::SceneSpec;
+use super::scene::SceneSpec;
 use crate::error::{Error, Result};
 use crate::q_attention::NextBestPose;
 use crate::rng::Rng;
 use glamx::{Pose3, Vec2};
+use std::sync::{Arc, LazyLock};
 
-/// Which of the paper's task sets a task belongs to.
+/// Task sets of the paper.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum TaskSet {
     /// Task Set 1: many motions will do.
@@ -49,25 +47,33 @@ pub enum TaskSet {
     Extra,
 }
 
-/// A task.
-#[derive(Debug)]
+/// A task: a value, so that it may come from elsewhere than this program.
+#[derive(Debug, Clone)]
 pub struct Task {
     /// Name on the command line.
-    pub name: &'static str,
+    pub name: String,
     /// Task set of the paper.
     pub set: TaskSet,
     /// The goal in a sentence, with `{}` where the variations differ; [`Task::describe`] fills it
     /// in.
-    pub goal: &'static str,
+    pub goal: String,
     /// Names of the variations; none when there is only one.
-    pub variations: &'static [&'static str],
+    pub variations: Vec<String>,
     /// Keyframes of a demonstration.
     pub keyframes: usize,
     /// How the task is placed on the table.
     pub placement: Placement,
-    /// Builds the scene of a variation (an index of `variations`, or 0) and the demonstrator's
-    /// waypoints in the task frame.
-    pub build: fn(usize, &mut Rng) -> TaskScene,
+    /// Makes the scenes, and the demonstrator's waypoints in them.
+    pub scenes: SceneSource,
+}
+
+/// Where the scenes of a task come from; a scene's task is named by [`Task::scene`].
+#[derive(Debug, Clone)]
+pub enum SceneSource {
+    /// A function draws the scene of a variation (an index of [`Task::variations`], or 0).
+    Drawn(fn(usize, &mut Rng) -> TaskScene),
+    /// Every episode has this scene, wherever it is placed.
+    Fixed(TaskScene),
 }
 
 /// Where a task frame may be on the table: origin and yaw are uniform.
@@ -86,7 +92,7 @@ pub struct Placement {
 pub struct TaskScene {
     /// The scene.
     pub spec: SceneSpec,
-    /// What a demonstrator does, in order: one keyframe each.
+    /// Steps of a demonstrator, in order: one keyframe each.
     pub waypoints: Vec<Waypoint>,
 }
 
@@ -96,12 +102,12 @@ pub struct Waypoint {
     /// Where the gripper goes and what it does there.
     pub goal: NextBestPose,
     /// How it gets there.
-    pub motion: Motion,
+    pub approach: Approach,
 }
 
 /// How the demonstrator reaches a waypoint.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Motion {
+pub enum Approach {
     /// Any collision-free path.
     Free,
     /// A straight line of the grip.
@@ -117,7 +123,7 @@ impl TaskScene {
         self.spec.place(world_from_task);
         for waypoint in &mut self.waypoints {
             waypoint.goal.pose = *world_from_task * waypoint.goal.pose;
-            if let Motion::Through(poses) = &mut waypoint.motion {
+            if let Approach::Through(poses) = &mut waypoint.approach {
                 for pose in poses {
                     *pose = *world_from_task * *pose;
                 }
@@ -127,42 +133,56 @@ impl TaskScene {
     }
 }
 
-/// Every task.
-pub static TASKS: [&Task; 21] = [
-    &reach_target::REACH_TARGET,
-    &pick_and_lift::PICK_AND_LIFT,
-    &pick_up_cup::PICK_UP_CUP,
-    &put_rubbish_in_bin::PUT_RUBBISH_IN_BIN,
-    &phone_on_base::PHONE_ON_BASE,
-    &stack_wine::STACK_WINE,
-    &take_lid_off_saucepan::TAKE_LID_OFF_SAUCEPAN,
-    &take_umbrella_out_of_umbrella_stand::TAKE_UMBRELLA_OUT_OF_UMBRELLA_STAND,
-    &open_drawer::OPEN_DRAWER,
-    &toilet_seat_up::TOILET_SEAT_UP,
-    &open_box::OPEN_BOX,
-    &open_grill::OPEN_GRILL,
-    &close_drawer::CLOSE_DRAWER,
-    &close_box::CLOSE_BOX,
-    &close_grill::CLOSE_GRILL,
-    &toilet_seat_down::TOILET_SEAT_DOWN,
-    &open_microwave::OPEN_MICROWAVE,
-    &open_door::OPEN_DOOR,
-    &slide_block_to_target::SLIDE_BLOCK_TO_TARGET,
-    &open_filing_cabinet::OPEN_FILING_CABINET,
-    &open_dishwasher::OPEN_DISHWASHER,
-];
+/// Every task of this program.
+pub static TASKS: LazyLock<[Arc<Task>; 21]> = LazyLock::new(|| {
+    [
+        reach_target::reach_target(),
+        pick_and_lift::pick_and_lift(),
+        pick_up_cup::pick_up_cup(),
+        put_rubbish_in_bin::put_rubbish_in_bin(),
+        phone_on_base::phone_on_base(),
+        stack_wine::stack_wine(),
+        take_lid_off_saucepan::take_lid_off_saucepan(),
+        take_umbrella_out_of_umbrella_stand::take_umbrella_out_of_umbrella_stand(),
+        open_drawer::open_drawer(),
+        toilet_seat_up::toilet_seat_up(),
+        open_box::open_box(),
+        open_grill::open_grill(),
+        close_drawer::close_drawer(),
+        close_box::close_box(),
+        close_grill::close_grill(),
+        toilet_seat_down::toilet_seat_down(),
+        open_microwave::open_microwave(),
+        open_door::open_door(),
+        slide_block_to_target::slide_block_to_target(),
+        open_filing_cabinet::open_filing_cabinet(),
+        open_dishwasher::open_dishwasher(),
+    ]
+    .map(Arc::new)
+});
 
 impl Task {
-    /// The task of that name.
+    /// The task of that name among [`TASKS`].
     ///
     /// # Errors
     ///
     /// When there is none, naming those that exist.
-    pub fn by_name(name: &str) -> Result<&'static Self> {
-        TASKS.into_iter().find(|task| task.name == name).ok_or_else(|| {
-            let known: Vec<_> = TASKS.iter().map(|task| task.name).collect();
+    pub fn by_name(name: &str) -> Result<Arc<Self>> {
+        TASKS.iter().find(|task| task.name == name).cloned().ok_or_else(|| {
+            let known: Vec<_> = TASKS.iter().map(|task| task.name.as_str()).collect();
             Error::Environment(format!("unknown task '{name}', known: {}", known.join(", ")))
         })
+    }
+
+    /// The scene of a variation in the task frame; `rng` gives what differs between episodes.
+    #[must_use]
+    pub fn scene(&self, variation: usize, rng: &mut Rng) -> TaskScene {
+        let mut scene = match &self.scenes {
+            SceneSource::Drawn(draw) => draw(variation, rng),
+            SceneSource::Fixed(scene) => scene.clone(),
+        };
+        scene.spec.task.clone_from(&self.name);
+        scene
     }
 
     /// How many variations there are, from 1.
@@ -174,7 +194,7 @@ impl Task {
     /// The goal of a variation in a sentence; of one that does not exist, that of all.
     #[must_use]
     pub fn describe(&self, variation: usize) -> String {
-        self.goal.replace("{}", self.variations.get(variation).unwrap_or(&"…"))
+        self.goal.replace("{}", self.variations.get(variation).map_or("…", String::as_str))
     }
 
     /// Checks that there is such a variation.

@@ -1,15 +1,14 @@
-//! What the physics settings have to hold: grasps by friction alone, a stack, a drawer and a lid.
+//! Physics settings hold grasps by friction alone, a stack, a drawer and a lid.
 //!
 //! rapier's defaults missed such bounds by centimetres in the prototype that the settings come
 //! from.
 
-use super::scene_spec::{BodyKind, BodySpec, SceneSpec};
-use super::tasks::Task;
-use super::{SimEnvironment, SimParams, World, demonstrate};
 use crate::path::{TimedPath, TimingSettings, linear_path};
 use crate::rng::{Stream, stream};
 use crate::robot::{Gripper, JointConfig, ROBOTS, Robot};
 use crate::scene::{Part, Shape};
+use crate::sim::tasks::Task;
+use crate::sim::{BodyKind, BodySpec, SceneSpec, SimEnvironment, SimParams, World, demonstrate};
 use glamx::{Pose3, Quat, Vec3};
 use std::sync::Arc;
 
@@ -146,7 +145,7 @@ fn a_stack_of_six_stands_still_once_it_has_come_to_rest() {
 /// Where the first joint of a task ends when the demonstrator moves it by `demonstrated`.
 fn moved(task: &str, robot: &'static Robot) -> f32 {
     let task = Task::by_name(task).unwrap();
-    let mut env = SimEnvironment::new(task, robot, 0, &["front"], &SimParams::STANDARD).unwrap();
+    let mut env = SimEnvironment::new(&task, robot, 0, &["front"], &SimParams::STANDARD).unwrap();
     let _ = demonstrate(&mut env, &mut stream(0, Stream::Demo, 0));
     env.world().joint_position(0)
 }

@@ -1,8 +1,8 @@
 //! A box whose lid turns about a free hinge, of the tasks that open and close it.
 
-use super::builder::{SceneBuilder, arc_about, cuboid, turn_about};
 use crate::scene::Part;
-use crate::sim::scene_spec::{BodyKind, JointKind, JointSpec};
+use crate::sim::scene::{BodyKind, JointKind, JointSpec};
+use crate::sim::tasks::builder::{SceneBuilder, arc_about, cuboid, turn_about};
 use glamx::{Pose3, Quat, Vec3};
 
 /// Tray: width x, depth y, height z. Published is a depth of 0.26, which leaves no room for a
@@ -17,14 +17,14 @@ const GAP: f32 = 0.001;
 /// How far behind the lid's edge the grip holds it, metres.
 const HOLD: f32 = 0.014;
 /// Greatest opening, radians.
-pub(super) const MOST: f32 = 150_f32.to_radians();
+pub(in crate::sim::tasks) const MOST: f32 = 150_f32.to_radians();
 
 const CARDBOARD: [u8; 3] = [176, 138, 92];
 const LID_RGB: [u8; 3] = [196, 160, 112];
 
 /// The lid's hinge: a point of its axis, which is x, in the task frame.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Hinge(pub(super) Vec3);
+pub(in crate::sim::tasks) struct Hinge(pub(in crate::sim::tasks) Vec3);
 
 impl Hinge {
     /// The motion of the lid by `angle` radians.
@@ -34,7 +34,7 @@ impl Hinge {
 
     /// The grip that holds the edge of a lid that is open by `angle` radians; `away` metres before
     /// that, on the way there.
-    pub(super) fn hold(self, angle: f32, away: f32) -> Pose3 {
+    pub(in crate::sim::tasks) fn hold(self, angle: f32, away: f32) -> Pose3 {
         let edge = self.0 + Vec3::Y * (LID[1] - HOLD + away);
         self.turn(angle)
             * Pose3::from_parts(edge, Quat::from_rotation_x(core::f32::consts::FRAC_PI_2))
@@ -42,13 +42,17 @@ impl Hinge {
 
     /// The grip that holds the lid's edge when it has come from one opening to the other, and those
     /// on the way.
-    pub(super) fn arc(self, from: f32, to: f32) -> (Pose3, Vec<Pose3>) {
+    pub(in crate::sim::tasks) fn arc(self, from: f32, to: f32) -> (Pose3, Vec<Pose3>) {
         arc_about(self.hold(from, 0.0), |share| self.turn(share * (to - from)))
     }
 }
 
 /// Adds the box with its lid open by `start` radians; returns the index of the hinge.
-pub(super) fn cardboard_box(scene: &mut SceneBuilder, hinge: Hinge, start: f32) -> usize {
+pub(in crate::sim::tasks) fn cardboard_box(
+    scene: &mut SceneBuilder,
+    hinge: Hinge,
+    start: f32,
+) -> usize {
     let tray =
         scene.body("box", BodyKind::Fixed, Vec3::new(hinge.0.x, hinge.0.y, 0.0), 0.0, tray_parts());
     let middle = [0.0, 0.5 * LID[1], 0.0];

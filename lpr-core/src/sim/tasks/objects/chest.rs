@@ -1,14 +1,14 @@
 //! A chest of three drawers on free slides, of the tasks that open and close one.
 
-use super::Placement;
-use super::builder::{SceneBuilder, cuboid, cylinder_x};
 use crate::scene::Part;
-use crate::sim::scene_spec::{BodyKind, JointKind, JointSpec};
+use crate::sim::scene::{BodyKind, JointKind, JointSpec};
+use crate::sim::tasks::Placement;
+use crate::sim::tasks::builder::{SceneBuilder, cuboid, cylinder_x};
 use core::f32::consts::FRAC_PI_8;
 use glamx::{Vec2, Vec3};
 
 /// Where a chest may stand.
-pub(super) const PLACEMENT: Placement = Placement {
+pub(in crate::sim::tasks) const PLACEMENT: Placement = Placement {
     center: Vec2::new(0.0, -0.32),
     half_range: Vec2::new(0.06, 0.12),
     max_yaw: FRAC_PI_8,
@@ -22,11 +22,11 @@ const PANEL: f32 = 0.0075;
 const DRAWER: [f32; 3] = [0.361, 0.367, 0.112];
 const DRAWER_WALL: f32 = 0.007;
 /// The drawers, bottom to top: the variations of the tasks.
-pub(super) const DRAWERS: [&str; 3] = ["bottom", "middle", "top"];
+pub(in crate::sim::tasks) const DRAWERS: [&str; 3] = ["bottom", "middle", "top"];
 /// Heights of their handles.
-pub(super) const HANDLE_Z: [f32; 3] = [0.163, 0.283, 0.403];
+pub(in crate::sim::tasks) const HANDLE_Z: [f32; 3] = [0.163, 0.283, 0.403];
 /// The handle bar's axis along y.
-pub(super) const HANDLE_Y: f32 = 0.206;
+pub(in crate::sim::tasks) const HANDLE_Y: f32 = 0.206;
 const HANDLE_RADIUS: f32 = 0.0075;
 const HANDLE_LENGTH: f32 = 0.075;
 /// Front face of the drawers along y.
@@ -37,7 +37,7 @@ const METAL: [u8; 3] = [60, 60, 66];
 
 /// Adds the chest with `drawer` (an index of [`DRAWERS`]) pulled out by `pulled` metres; returns
 /// the index of that drawer's slide.
-pub(super) fn chest(scene: &mut SceneBuilder, drawer: usize, pulled: f32) -> usize {
+pub(in crate::sim::tasks) fn chest(scene: &mut SceneBuilder, drawer: usize, pulled: f32) -> usize {
     let frame = scene.body("chest", BodyKind::Fixed, Vec3::ZERO, 0.0, frame_parts());
     let slides = DRAWERS.into_iter().zip(HANDLE_Z).enumerate().map(|(idx, (name, z))| {
         let name = format!("{name}_drawer");

@@ -1,20 +1,20 @@
 //! A grill whose lid turns about a hinge with friction, of the tasks that open and close it.
 
-use super::Placement;
-use super::builder::{SceneBuilder, arc_about, cuboid, cylinder_y, turn_about};
-use crate::sim::scene_spec::{BodyKind, JointKind, JointSpec};
+use crate::sim::scene::{BodyKind, JointKind, JointSpec};
+use crate::sim::tasks::Placement;
+use crate::sim::tasks::builder::{SceneBuilder, arc_about, cuboid, cylinder_y, turn_about};
 use core::f32::consts::FRAC_PI_2;
 use glamx::{Pose3, Vec2, Vec3};
 
 /// Where a grill may stand: its frame is in front of the lid's handle.
-pub(super) const PLACEMENT: Placement = Placement {
+pub(in crate::sim::tasks) const PLACEMENT: Placement = Placement {
     center: Vec2::new(-0.08, -0.05),
     half_range: Vec2::new(0.04, 0.08),
     max_yaw: FRAC_PI_2,
 };
 
 /// The middle of the lid's bar when it is shut, metres.
-pub(super) const BAR: [f32; 3] = [0.081, -0.115, 0.316];
+pub(in crate::sim::tasks) const BAR: [f32; 3] = [0.081, -0.115, 0.316];
 /// A point of the hinge; its axis is y.
 const HINGE: Vec3 = Vec3::new(0.319, -0.116, 0.293);
 /// Friction of the hinge, N·m: the lid stays where it is left.
@@ -41,17 +41,17 @@ const LID_RGB: [u8; 3] = [170, 52, 44];
 const STEEL: [u8; 3] = [175, 180, 188];
 
 /// The motion of the lid by `angle` radians.
-pub(super) fn turn(angle: f32) -> Pose3 {
+pub(in crate::sim::tasks) fn turn(angle: f32) -> Pose3 {
     turn_about(HINGE, Vec3::Y, angle)
 }
 
 /// The end of the arc by `angle` radians from `grasp`, and the poses before it.
-pub(super) fn arc(grasp: Pose3, angle: f32) -> (Pose3, Vec<Pose3>) {
+pub(in crate::sim::tasks) fn arc(grasp: Pose3, angle: f32) -> (Pose3, Vec<Pose3>) {
     arc_about(grasp, |share| turn(share * angle))
 }
 
 /// Adds the grill with its lid open by `start` radians; returns the index of the hinge.
-pub(super) fn grill(scene: &mut SceneBuilder, start: f32) -> usize {
+pub(in crate::sim::tasks) fn grill(scene: &mut SceneBuilder, start: f32) -> usize {
     let [depth, width, height] = BODY;
     let burner = cuboid([BODY_X, 0.155, height + 0.016], [0.155, 0.226, 0.032], STEEL);
     let body = scene.body(

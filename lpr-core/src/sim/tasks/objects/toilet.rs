@@ -1,11 +1,11 @@
 //! A toilet whose seat turns about a free hinge, of the tasks that lift and lower it.
 
-use super::builder::{SceneBuilder, cuboid, cylinder_z, turn_about};
-use crate::sim::scene_spec::{BodyKind, JointKind, JointSpec};
+use crate::sim::scene::{BodyKind, JointKind, JointSpec};
+use crate::sim::tasks::builder::{SceneBuilder, cuboid, cylinder_z, turn_about};
 use glamx::{Pose3, Vec3};
 
 /// Seat slab: width, depth, thickness.
-pub(super) const SEAT: [f32; 3] = [0.225, 0.255, 0.011];
+pub(in crate::sim::tasks) const SEAT: [f32; 3] = [0.225, 0.255, 0.011];
 /// Height of the bowl's rim.
 const BOWL_TOP: f32 = 0.22;
 /// Mass of the seat, kg.
@@ -17,24 +17,24 @@ const SEAT_RGB: [u8; 3] = [60, 110, 170];
 
 /// The seat's hinge; its axis is x, and the seat lies flat at 0.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Hinge {
+pub(in crate::sim::tasks) struct Hinge {
     /// A point of the axis, metres.
-    pub(super) anchor: Vec3,
+    pub(in crate::sim::tasks) anchor: Vec3,
     /// Opening at the start, radians.
-    pub(super) start: f32,
+    pub(in crate::sim::tasks) start: f32,
     /// Greatest opening, radians.
-    pub(super) most: f32,
+    pub(in crate::sim::tasks) most: f32,
 }
 
 impl Hinge {
     /// The motion of the seat by `angle` radians.
-    pub(super) fn turn(&self, angle: f32) -> Pose3 {
+    pub(in crate::sim::tasks) fn turn(&self, angle: f32) -> Pose3 {
         turn_about(self.anchor, Vec3::X, angle)
     }
 }
 
 /// Adds the toilet; returns the index of the seat's hinge.
-pub(super) fn toilet(scene: &mut SceneBuilder, hinge: &Hinge) -> usize {
+pub(in crate::sim::tasks) fn toilet(scene: &mut SceneBuilder, hinge: &Hinge) -> usize {
     let bowl = scene.body(
         "toilet",
         BodyKind::Fixed,
