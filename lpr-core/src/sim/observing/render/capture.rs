@@ -18,7 +18,7 @@ pub enum Channel {
     Mask,
 }
 
-/// What a camera saw, in the channels that were asked for: each one row by row from the top left,
+/// Images of one camera in the channels that were asked for: each one row by row from the top left,
 /// `camera.n_pixels()` long.
 ///
 /// An agent gets a [`View`], which has no mask.
@@ -37,7 +37,7 @@ pub struct Capture {
 }
 
 impl Renderer {
-    /// What `camera` sees of `items`, whose meshes are this renderer's, after `measure` has changed
+    /// Captures `items`, whose meshes are this renderer's, with `camera`, after `measure` has changed
     /// its depth.
     ///
     /// Without channels nothing is drawn.

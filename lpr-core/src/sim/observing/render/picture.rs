@@ -47,7 +47,7 @@ pub struct Picture {
     pub depth: Vec<f32>,
 }
 
-/// What the key light reaches: depths seen from the light.
+/// Reach of the key light: depths seen from the light.
 struct ShadowMap {
     camera: Camera,
     raster: Raster,
