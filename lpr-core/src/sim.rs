@@ -9,7 +9,7 @@
 //! use lpr_core::sim::{SimEnvironment, SimParams};
 //!
 //! let task = Task::by_name("open_box")?;
-//! let mut env = SimEnvironment::new(task, &XARM7, 0, &["front", "wrist"], &SimParams::STANDARD)?;
+//! let mut env = SimEnvironment::new(&task, &XARM7, 0, &["front", "wrist"], &SimParams::STANDARD)?;
 //! let observation = env.observe(); // colour, depth and points of both cameras
 //! let snapshot = env.clone(); // goes on bit for bit
 //! let mut raised = XARM7.start;
@@ -19,40 +19,26 @@
 //! # Ok::<(), lpr_core::Error>(())
 //! ```
 
-mod arm;
-mod contact;
-mod control;
-mod demonstrator;
-mod env;
-mod fallen;
-pub mod feasibility;
-#[cfg(test)]
-mod grasps;
-mod gripper;
-mod near;
+mod demo_plan;
+mod demonstrating;
+mod environment;
 mod observing;
-mod params;
-mod physics;
 mod placement;
-mod randomization;
-#[cfg(feature = "learn")]
-pub mod recording;
-pub mod render;
-mod scene_spec;
-mod snapshot;
-mod sweep;
+mod scene;
 pub mod tasks;
+#[cfg(test)]
+mod tests;
 mod vector;
 mod world;
 
-pub use control::ControlAction;
-pub use demonstrator::{DemoPlan, Demonstration, demonstrate};
-pub use env::SimEnvironment;
-pub use observing::{CameraRequest, Seen};
-pub use params::SimParams;
+pub use demo_plan::DemoPlan;
+pub use demonstrating::feasibility;
+#[cfg(feature = "learn")]
+pub use demonstrating::recording;
+pub use demonstrating::{Demonstration, demonstrate};
+pub use environment::{ControlAction, SimEnvironment};
+pub use observing::{CameraRequest, MaskLabel, Randomization, Sensing, render};
 pub use placement::{PlacedTask, Rejected, place};
-pub use randomization::{Randomization, Sensing};
-pub use scene_spec::{BodyKind, BodySpec, Condition, JointKind, JointSpec, Latch, SceneSpec, Zone};
-pub use sweep::ArmSweep;
+pub use scene::{BodyKind, BodySpec, Condition, JointKind, JointSpec, Latch, SceneSpec, Zone};
 pub use vector::{MacroAction, VectorEnvironment};
-pub use world::{Holding, World};
+pub use world::{ArmSweep, Grasp, SimParams, World};

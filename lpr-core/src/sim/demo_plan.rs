@@ -1,17 +1,15 @@
-//! The scripted demonstrator: waypoints of the task through our own kinematics and planner.
+//! Plans of the scripted demonstrator: a task's waypoints through our own kinematics.
 //!
-//! It alone knows the scene's construction; an agent sees only what it records.
+//! A plan knows the scene's construction and no environment: placement makes one to see what the
+//! arm can reach, `demonstrating` does it.
 
-use super::env::{SimEnvironment, Until};
-use super::scene_spec::BodyKind;
-use super::tasks::{Motion, TaskScene, Waypoint};
-use super::world::World;
-use crate::env::{Environment as _, InvalidAction};
-use crate::path::{JointPath, RrtSettings, linear_path, linear_path_in, rrt_connect, shortcut};
+use super::scene::BodyKind;
+use super::tasks::{Approach, TaskScene, Waypoint};
+use crate::path::{JointPath, linear_path, linear_path_in};
 use crate::q_attention::NextBestPose;
 use crate::rng::Rng;
 use crate::robot::{JointConfig, Robot};
-use crate::scene::{ArmSpheres, MotionChecker, Part, Primitive, Scene};
+use crate::scene::{ArmSpheres, Part, Primitive, Scene};
 use glamx::{Pose3, Quat};
 
 /// Postures tried for the first waypoint, each followed through all others.
@@ -20,27 +18,27 @@ const POSTURES: usize = 40;
 const POSTURE_DISTANCE: f32 = 0.1;
 /// Steps of inverse kinematics between two poses of an arc, which are close already.
 const LEG_STEPS: usize = 4;
-/// Planner of the demonstrator's free motions.
-const PLANNER: RrtSettings =
-    RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 4000 };
 
-/// What the demonstrator will do: one goal for each waypoint, and the paths that kinematics settles
+/// A demonstration to be done: one goal for each waypoint, and the paths that kinematics settles
 /// beforehand.
 #[derive(Debug, Clone)]
 pub struct DemoPlan {
     /// The waypoints' goals, with the grasp turned by half a turn where the arm prefers it.
     pub goals: Vec<NextBestPose>,
     /// How each goal is reached, turned as the goals are.
-    motions: Vec<Motion>,
+    approaches: Vec<Approach>,
     /// For each waypoint: the posture of a free motion's end, or the path of a prescribed one.
-    steps: Vec<PlanStep>,
-    /// What stands in the scene at its start.
+    pub(super) steps: Vec<PlanStep>,
+    /// Solid bodies of the scene at its start.
     solids: Scene,
 }
 
+/// One step of a plan.
 #[derive(Debug, Clone)]
-enum PlanStep {
+pub(super) enum PlanStep {
+    /// Any free path to this posture.
     Free(JointConfig),
+    /// This path.
     Prescribed(JointPath),
 }
 
@@ -56,7 +54,12 @@ impl PlanStep {
 impl DemoPlan {
     /// Of no one: an episode that was recorded needs no demonstrator.
     pub(super) fn none() -> Self {
-        Self { goals: Vec::new(), motions: Vec::new(), steps: Vec::new(), solids: Scene::empty() }
+        Self {
+            goals: Vec::new(),
+            approaches: Vec::new(),
+            steps: Vec::new(),
+            solids: Scene::empty(),
+        }
     }
 
     /// The same motions to other goals, one for each waypoint: those that an agent can express, for
@@ -74,15 +77,15 @@ impl DemoPlan {
         rng: &mut Rng,
     ) -> Option<Self> {
         let displacement = |idx: usize| self.goals[idx].pose.inverse() * goals[idx].pose;
-        let waypoints = self.motions.iter().enumerate().zip(goals).map(|((idx, motion), goal)| {
-            let motion = match motion {
+        let waypoints = self.approaches.iter().enumerate().zip(goals).map(|((idx, way), goal)| {
+            let approach = match way {
                 // The first waypoint is reached from where the arm starts, which stays.
-                Motion::Through(poses) if idx > 0 => {
-                    Motion::Through(bent(poses, displacement(idx - 1), displacement(idx)))
+                Approach::Through(poses) if idx > 0 => {
+                    Approach::Through(bent(poses, displacement(idx - 1), displacement(idx)))
                 }
                 other => other.clone(),
             };
-            Waypoint { goal: *goal, motion }
+            Waypoint { goal: *goal, approach }
         });
         plan_one_of(robot, start, &[waypoints.collect()], &self.solids, rng)
     }
@@ -112,9 +115,9 @@ pub(super) fn plan_waypoints(
     let half_turn = Pose3::from_rotation(Quat::from_xyzw(0.0, 0.0, 1.0, 0.0));
     let turned = |waypoint: &Waypoint| Waypoint {
         goal: NextBestPose { pose: waypoint.goal.pose * half_turn, gripper: waypoint.goal.gripper },
-        motion: match &waypoint.motion {
-            Motion::Through(poses) => {
-                Motion::Through(poses.iter().map(|pose| *pose * half_turn).collect())
+        approach: match &waypoint.approach {
+            Approach::Through(poses) => {
+                Approach::Through(poses.iter().map(|pose| *pose * half_turn).collect())
             }
             other => other.clone(),
         },
@@ -153,26 +156,30 @@ fn plan_one_of(
         postures
             .extend(found.into_iter().map(|config| (cost(&config), waypoints.as_slice(), config)));
     }
+    // A posture that touches something is the last resort, not refused: spheres around the arm are
+    // thicker than the arm.
     postures.sort_by(|(a, ..), (b, ..)| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
     postures.into_iter().filter(|(_, _, config)| !robot.self_collides(config)).find_map(
         |(_, waypoints, config)| {
             let mut steps = vec![PlanStep::Free(config)];
+            // Each step from where the last one ends: a posture that reaches the first waypoint may
+            // be one from which a later line cannot be followed, and then the next is tried.
             for waypoint in &waypoints[1..] {
                 steps.push(plan_step(robot, steps[steps.len() - 1].end(), waypoint)?);
             }
             let goals = waypoints.iter().map(|waypoint| waypoint.goal).collect();
-            let motions = waypoints.iter().map(|waypoint| waypoint.motion.clone()).collect();
-            Some(DemoPlan { goals, motions, steps, solids: solids.clone() })
+            let approaches = waypoints.iter().map(|waypoint| waypoint.approach.clone()).collect();
+            Some(DemoPlan { goals, approaches, steps, solids: solids.clone() })
         },
     )
 }
 
 fn plan_step(robot: &Robot, from: &JointConfig, waypoint: &Waypoint) -> Option<PlanStep> {
     let goal = waypoint.goal.pose;
-    match &waypoint.motion {
-        Motion::Free => robot.ik_nearest(&goal, from).map(PlanStep::Free),
-        Motion::Linear => linear_path(robot, from, &goal).ok().map(PlanStep::Prescribed),
-        Motion::Through(poses) => {
+    match &waypoint.approach {
+        Approach::Free => robot.ik_nearest(&goal, from).map(PlanStep::Free),
+        Approach::Linear => linear_path(robot, from, &goal).ok().map(PlanStep::Prescribed),
+        Approach::Through(poses) => {
             let mut configs = vec![*from];
             for pose in poses.iter().chain([&goal]) {
                 let leg =
@@ -184,96 +191,8 @@ fn plan_step(robot: &Robot, from: &JointConfig, waypoint: &Waypoint) -> Option<P
     }
 }
 
-/// A recorded demonstration.
-#[derive(Debug)]
-pub struct Demonstration {
-    /// The world at every control step, from the first to the last: frames and observations are
-    /// made from these.
-    pub frames: Vec<World>,
-    /// Indices of the frames in which a waypoint was reached and its gripper command done.
-    pub waypoint_frames: Vec<usize>,
-    /// Whether the task was done.
-    pub success: bool,
-    /// Why it ended early.
-    pub invalid: Option<InvalidAction>,
-}
-
-/// Does the task in `env`, which has just been reset, recording every control step.
-#[must_use]
-pub fn demonstrate(env: &mut SimEnvironment, rng: &mut Rng) -> Demonstration {
-    let mut demo = Demonstration {
-        frames: vec![env.world().clone()],
-        waypoint_frames: Vec::new(),
-        success: false,
-        invalid: None,
-    };
-    let steps = env.plan().steps.clone();
-    let goals = env.plan().goals.clone();
-    for (step, goal) in steps.iter().zip(&goals) {
-        let Some(path) = motion(env, step, rng) else {
-            demo.invalid = Some(InvalidAction::NoPath);
-            return demo;
-        };
-        // To the end: a keyframe is where the demonstrator goes, not where its success is first
-        // noticed on the way.
-        let result = env
-            .step_until(Until::End, &path, goal.gripper, |world| demo.frames.push(world.clone()));
-        demo.waypoint_frames.push(demo.frames.len() - 1);
-        if result.terminated {
-            demo.success = result.reward > 0.0;
-            demo.invalid = result.invalid;
-            return demo;
-        }
-    }
-    demo
-}
-
-/// The path of one step from where the arm is.
-fn motion(env: &mut SimEnvironment, step: &PlanStep, rng: &mut Rng) -> Option<JointPath> {
-    let robot = env.robot();
-    let goal = match step {
-        PlanStep::Prescribed(path) => return Some(path.clone()),
-        PlanStep::Free(config) => *config,
-    };
-    let scene = env.obstacles(Some(&robot.grip(&goal)));
-    let start = *env.world().config();
-    let seen = around(robot, &scene, &start, &goal, rng);
-    // The camera is blind behind things and for thin ones: the demonstrator goes by what it knows
-    // where that is in the way.
-    let world = env.world();
-    let known = solids(
-        world
-            .scene_items()
-            .map(|(body, pose, parts)| (world.spec().bodies[body].kind, pose, parts)),
-    );
-    let arm = ArmSpheres::new(robot);
-    let checker = MotionChecker::new(&known, &arm, PLANNER.checks_per_radian);
-    if let Some(path) = seen.as_ref().filter(|path| checker.path_is_free(path.configs())) {
-        return Some(path.clone());
-    }
-    // Where all that leaves no way, since it is conservative, the straight joint-space motion is
-    // tried and judged by the world.
-    around(robot, &known, &start, &goal, rng)
-        .or(seen)
-        .or_else(|| JointPath::new(vec![start, goal]).ok())
-}
-
-/// A free path around `scene`, if the planner finds one.
-fn around(
-    robot: &Robot,
-    scene: &Scene,
-    start: &JointConfig,
-    goal: &JointConfig,
-    rng: &mut Rng,
-) -> Option<JointPath> {
-    let arm = ArmSpheres::new(robot);
-    let checker = MotionChecker::new(scene, &arm, PLANNER.checks_per_radian);
-    let plan = rrt_connect(&checker, start, &[*goal], &PLANNER, rng).ok()?;
-    Some(shortcut(&plan.path, &checker))
-}
-
 /// Everything that can be touched of bodies with their kinds, poses and parts.
-fn solids<'a>(bodies: impl Iterator<Item = (BodyKind, Pose3, &'a [Part])>) -> Scene {
+pub(super) fn solids<'a>(bodies: impl Iterator<Item = (BodyKind, Pose3, &'a [Part])>) -> Scene {
     let touched = bodies.filter(|(kind, ..)| *kind != BodyKind::Visual);
     let primitives = touched.flat_map(|(_, pose, parts)| {
         parts.iter().map(move |part| Primitive::new(&part.shape, &(pose * part.pose)))
@@ -286,14 +205,14 @@ mod tests {
     use super::*;
     use crate::rng::{Stream, stream};
     use crate::robot::XARM7;
-    use crate::sim::place;
+    use crate::sim::placement::place;
     use crate::sim::tasks::Task;
     use glamx::Vec3;
 
     #[test]
     fn a_plan_for_displaced_goals_ends_its_paths_there() {
         let task = Task::by_name("toilet_seat_up").expect("a task");
-        let plan = place(task, 0, &XARM7, 3).expect("a scene that can be placed").plan;
+        let plan = place(&task, 0, &XARM7, 3).expect("a scene that can be placed").plan;
         let shift = |idx: usize| Vec3::new(0.004, -0.003 * idx as f32, 0.002);
         let mut goals = plan.goals.clone();
         goals.iter_mut().enumerate().for_each(|(idx, goal)| goal.pose.translation += shift(idx));

@@ -1,56 +1,45 @@
-//! The simulator as an [`Environment`].
+//! The simulator as an [`Environment`]: one task, one robot, one scene after the other.
 
-use super::demonstrator::DemoPlan;
+mod control;
+mod macro_action;
+mod views;
+
+pub use control::ControlAction;
+pub(super) use macro_action::Until;
+
+use super::demo_plan::DemoPlan;
 use super::observing::Drawing;
-use super::params::SimParams;
 use super::placement::{PlacedTask, Rejected, place};
-use super::scene_spec::{BodyKind, SceneSpec};
+use super::scene::{BodyKind, SceneSpec};
 use super::tasks::{Task, TaskScene};
-use super::world::{Holding, World};
-use crate::env::{EPISODE_LENGTH, Environment, InvalidAction, StepResult};
-use crate::error::Result;
-use crate::path::{JointPath, TimedPath, TimingSettings};
+use super::world::{Grasp, SimParams, World};
+use crate::env::{EPISODE_LENGTH, Environment, StepResult};
+use crate::error::{Error, Result};
+use crate::path::{JointPath, TimingSettings};
 use crate::perception::{Camera, Observation, Proprio, time_feature};
 use crate::q_attention::NextBestPose;
 use crate::rng::Rng;
 use crate::robot::{Gripper, Robot};
-use crate::scene::{self, ObstacleQuery, Scene, obstacle_scene};
+use crate::scene::{Holding, ObstacleQuery, Scene, obstacle_scene};
 use glamx::{Pose3, Vec3};
 use std::sync::Arc;
 
 /// Physics steps for the scene to settle after a reset.
 const SETTLE_STEPS: usize = 10;
-/// Longest time a gripper command may take, seconds: fingers that meet an object off their middle
-/// push it along slowly.
-const GRIPPER_TIMEOUT_SECS: f32 = 5.0;
-/// Longest motion, seconds: a path of many turns would run for hours.
-const MOTION_TIMEOUT_SECS: f64 = 120.0;
-/// A path must start this close to where the arm is, radians in every joint.
-const START_TOLERANCE: f32 = 1e-3;
-
 /// One task with one robot in the simulator. A clone is a snapshot.
 #[derive(Debug, Clone)]
 pub struct SimEnvironment {
-    task: &'static Task,
+    task: Arc<Task>,
     variation: usize,
-    pub(super) robot: &'static Robot,
+    robot: &'static Robot,
     params: SimParams,
     timing: TimingSettings,
-    cameras: Vec<&'static str>,
-    pub(super) world: World,
+    cameras: Arc<[String]>,
+    world: World,
     plan: Arc<DemoPlan>,
     rejected_placements: u64,
-    pub(super) step: usize,
-    pub(super) drawing: Drawing,
-}
-
-/// Where a macro action stops.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Until {
-    /// As soon as the task is done, or at the end.
-    Success,
-    /// At the end.
-    End,
+    step: usize,
+    drawing: Drawing,
 }
 
 impl SimEnvironment {
@@ -60,10 +49,10 @@ impl SimEnvironment {
     ///
     /// When a camera is unknown or the scene cannot be placed.
     pub fn new(
-        task: &'static Task,
+        task: &Arc<Task>,
         robot: &'static Robot,
         seed: u64,
-        cameras: &[&'static str],
+        cameras: &[&str],
         params: &SimParams,
     ) -> Result<Self> {
         Self::of_variation(task, 0, robot, seed, cameras, params)
@@ -75,18 +64,19 @@ impl SimEnvironment {
     ///
     /// When there is no such variation, a camera is unknown or the scene cannot be placed.
     pub fn of_variation(
-        task: &'static Task,
+        task: &Arc<Task>,
         variation: usize,
         robot: &'static Robot,
         seed: u64,
-        cameras: &[&'static str],
+        cameras: &[&str],
         params: &SimParams,
     ) -> Result<Self> {
         for camera in cameras {
             Camera::by_name(camera, robot, &Pose3::IDENTITY)?;
         }
         let placed = place(task, variation, robot, seed)?;
-        Ok(Self { variation, ..Self::of(task, robot, placed, cameras, params)? })
+        let cameras = cameras.iter().map(|camera| (*camera).to_owned()).collect();
+        Ok(Self { variation, cameras, ..Self::of(Arc::clone(task), robot, placed, params)? })
     }
 
     /// The scene of an episode that was recorded: `spec` as it was placed, without cameras and
@@ -105,14 +95,14 @@ impl SimEnvironment {
             plan: DemoPlan::none(),
             rejected: Rejected::default(),
         };
-        Self::of(task, robot, placed, &[], params)
+        Self::of(task, robot, placed, params)
     }
 
+    /// A placed task without cameras.
     fn of(
-        task: &'static Task,
+        task: Arc<Task>,
         robot: &'static Robot,
         PlacedTask { scene, plan, rejected, .. }: PlacedTask,
-        cameras: &[&'static str],
         params: &SimParams,
     ) -> Result<Self> {
         let world = settled(World::new(Arc::new(scene.spec), robot, robot.start, params)?);
@@ -123,7 +113,7 @@ impl SimEnvironment {
             robot,
             params: params.clone(),
             timing: TimingSettings { max_velocity: 1.0, max_acceleration: 4.0 },
-            cameras: cameras.to_vec(),
+            cameras: Arc::default(),
             world,
             plan: Arc::new(plan),
             rejected_placements: rejected.total(),
@@ -137,7 +127,7 @@ impl SimEnvironment {
         self.timing = timing;
     }
 
-    /// How it times paths.
+    /// Settings that paths are timed with.
     #[must_use]
     pub fn timing(&self) -> &TimingSettings {
         &self.timing
@@ -145,11 +135,11 @@ impl SimEnvironment {
 
     /// The task.
     #[must_use]
-    pub fn task(&self) -> &'static Task {
-        self.task
+    pub fn task(&self) -> &Arc<Task> {
+        &self.task
     }
 
-    /// Which of the task's variations this is.
+    /// Index of the task's variation.
     #[must_use]
     pub fn variation(&self) -> usize {
         self.variation
@@ -161,7 +151,7 @@ impl SimEnvironment {
         &self.world
     }
 
-    /// What the demonstrator would do in this scene.
+    /// The demonstration that is planned in this scene.
     #[must_use]
     pub fn plan(&self) -> &DemoPlan {
         &self.plan
@@ -209,115 +199,36 @@ impl SimEnvironment {
         Self { world, step, ..self.clone() }
     }
 
-    /// What the cameras see of the scene as obstacles, with the contact rule for `goal`
+    /// This episode with its world as in the snapshot, after `step` macro actions: [`Self::at`] for
+    /// bytes.
+    ///
+    /// # Errors
+    ///
+    /// As [`World::from_bytes`], and when the snapshot is of another scene.
+    pub fn at_snapshot(&self, bytes: &[u8], step: usize) -> Result<Self> {
+        let world = World::from_bytes(bytes, self.world().robot())?;
+        if world.spec() != self.world().spec() {
+            let task = &world.spec().task;
+            return Err(Error::Snapshot(format!(
+                "of another scene than this episode's, of the task `{task}`"
+            )));
+        }
+        Ok(self.at(world, step))
+    }
+
+    /// Obstacles that the cameras see in the scene, with the contact rule for `goal`
     /// (`world_from_grip`).
     #[must_use]
     pub fn obstacles(&mut self, goal: Option<&Pose3>) -> Scene {
         let observation = self.observe();
         let points: Vec<Vec3> = observation.colored_points().map(|(point, _)| point).collect();
-        let holding = if self.world.holding() == Holding::Nothing {
-            scene::Holding::Nothing
-        } else {
-            scene::Holding::Object
+        let holding = match self.world.grasp() {
+            Grasp::Nothing => Holding::Nothing,
+            Grasp::Pinched | Grasp::Attached { .. } => Holding::Object,
         };
         let query =
             ObstacleQuery { robot: self.robot, measured: self.world.config(), goal, holding };
         obstacle_scene(&query, &points)
-    }
-
-    /// As [`Environment::step`], calling `record` after every control step and after the gripper's
-    /// command.
-    pub fn step_recorded(
-        &mut self,
-        path: &JointPath,
-        gripper: Gripper,
-        record: impl FnMut(&World),
-    ) -> StepResult {
-        self.step_until(Until::Success, path, gripper, record)
-    }
-
-    /// As [`Self::step_recorded`], stopping where `until` says.
-    pub(super) fn step_until(
-        &mut self,
-        until: Until,
-        path: &JointPath,
-        gripper: Gripper,
-        mut record: impl FnMut(&World),
-    ) -> StepResult {
-        self.step += 1;
-        let outcome = self.run(until, path, gripper, &mut record);
-        let success = outcome.is_ok() && self.world.success();
-        let terminated = success || outcome.is_err();
-        StepResult {
-            reward: f32::from(u8::from(success)),
-            terminated,
-            truncated: !terminated && self.step >= EPISODE_LENGTH,
-            invalid: outcome.err(),
-        }
-    }
-
-    /// Follows the path, then moves the gripper.
-    fn run(
-        &mut self,
-        until: Until,
-        path: &JointPath,
-        gripper: Gripper,
-        record: &mut impl FnMut(&World),
-    ) -> Result<(), InvalidAction> {
-        if path.start().max_joint_distance(self.world.config()) > START_TOLERANCE {
-            return Err(InvalidAction::StartMismatch);
-        }
-        if !path.configs().iter().all(|config| self.robot.within_limits(config)) {
-            return Err(InvalidAction::OutsideLimits);
-        }
-        let timed = TimedPath::new(path.clone(), self.robot, &self.timing)
-            .expect("the environment's timing is positive");
-        if timed.duration_secs() > MOTION_TIMEOUT_SECS {
-            return Err(InvalidAction::TooLong { seconds: timed.duration_secs() as f32 });
-        }
-        let dt = f64::from(self.params.dt);
-        let steps = libm::ceil(timed.duration_secs() / dt) as usize;
-        let per_control = self.params.steps_per_control();
-        for i in 1..=steps {
-            self.world.step(&timed.config_at(i as f64 * dt))?;
-            if i % per_control == 0 || i == steps {
-                record(&self.world);
-                if until == Until::Success && self.world.success() {
-                    return Ok(());
-                }
-            }
-        }
-        self.move_gripper(gripper)?;
-        record(&self.world);
-        Ok(())
-    }
-
-    /// The arm moves to `config` within one control step.
-    #[cfg(feature = "learn")]
-    pub(super) fn move_straight(
-        &mut self,
-        config: &crate::robot::JointConfig,
-    ) -> Result<(), InvalidAction> {
-        let (start, steps) = (*self.world.config(), self.params.steps_per_control());
-        (1..=steps).try_for_each(|i| self.world.step(&start.lerp(config, i as f32 / steps as f32)))
-    }
-
-    pub(super) fn move_gripper(&mut self, gripper: Gripper) -> Result<(), InvalidAction> {
-        self.world.command_gripper(gripper);
-        let config = *self.world.config();
-        let most = (GRIPPER_TIMEOUT_SECS / self.params.dt) as usize;
-        for i in 0..most {
-            match self.world.step(&config) {
-                // The arm stands still: its fingers press with what the gripper's motor gives,
-                // which overshoots at first.
-                Ok(()) | Err(InvalidAction::Force { .. }) => {}
-                Err(invalid) => return Err(invalid),
-            }
-            if self.world.gripper_settled() && i >= self.params.steps_per_control() {
-                break;
-            }
-        }
-        Ok(())
     }
 }
 
@@ -337,11 +248,15 @@ impl Environment for SimEnvironment {
     }
 
     fn reset(&mut self, seed: u64) -> Result<()> {
-        let timing = self.timing.clone();
+        let placed = place(&self.task, self.variation, self.robot, seed)?;
+        let fresh = Self::of(Arc::clone(&self.task), self.robot, placed, &self.params)?;
         let sensing = self.sensing().cloned();
-        let Self { task, variation, robot, ref cameras, ref params, .. } = *self;
-        *self =
-            Self { timing, ..Self::of_variation(task, variation, robot, seed, cameras, params)? };
+        *self = Self {
+            variation: self.variation,
+            timing: self.timing.clone(),
+            cameras: Arc::clone(&self.cameras),
+            ..fresh
+        };
         if let Some(sensing) = sensing {
             self.set_sensing(sensing, seed);
         }
@@ -349,7 +264,8 @@ impl Environment for SimEnvironment {
     }
 
     fn observe(&mut self) -> Observation {
-        let views = self.cameras.clone().into_iter().map(|camera| self.view(camera)).collect();
+        let cameras = Arc::clone(&self.cameras);
+        let views = cameras.iter().map(|camera| self.view(camera)).collect();
         let width = self.world.gripper_width();
         let proprio = Proprio {
             joints: *self.world.config(),

@@ -1,9 +1,7 @@
 //! Can any candidate do it? Every candidate of a keyframe, executed from a snapshot, without
 //! learning.
 
-use super::demonstrator::demonstrate;
-use super::env::SimEnvironment;
-use super::world::Holding;
+use super::demonstrate;
 use crate::env::{Environment as _, StepResult};
 use crate::path::{
     CandidatePath, CandidateSet, CandidateSettings, CandidateStreams, PathQuery, Source,
@@ -11,6 +9,8 @@ use crate::path::{
 };
 use crate::q_attention::NextBestPose;
 use crate::rng::{Stream, stream};
+use crate::sim::environment::SimEnvironment;
+use crate::sim::world::Grasp;
 
 /// How far from where the demonstrator leaves it a joint may be left before the last keyframe, as a
 /// share of its range.
@@ -23,11 +23,11 @@ pub struct KeyframeSnapshot {
     pub env: SimEnvironment,
     /// The demonstrator's goal.
     pub goal: NextBestPose,
-    /// Whether this is the demonstrator's last keyframe, whose motion should do the task.
+    /// True for the demonstrator's last keyframe, whose motion should do the task.
     pub is_last: bool,
-    /// Whether the demonstrator held something after the keyframe.
+    /// True when the demonstrator held something after the keyframe.
     pub holds: bool,
-    /// Where the demonstrator's scene had its joints after the keyframe.
+    /// Coordinates of the scene's joints after the demonstrator's keyframe, radians or metres.
     pub joints: Vec<f32>,
 }
 
@@ -47,7 +47,7 @@ pub fn keyframe_snapshots(env: &SimEnvironment, seed: u64) -> Option<Vec<Keyfram
             env: env.at(demo.frames[start].clone(), step),
             goal: env.plan().goals[step],
             is_last: step + 1 == env.plan().goals.len(),
-            holds: demo.frames[end].holding() != Holding::Nothing,
+            holds: demo.frames[end].grasp() != Grasp::Nothing,
             joints: demo.frames[end].joint_positions(),
         });
         start = end;
@@ -55,14 +55,14 @@ pub fn keyframe_snapshots(env: &SimEnvironment, seed: u64) -> Option<Vec<Keyfram
     Some(snapshots)
 }
 
-/// What became of one candidate.
+/// Outcome of one candidate.
 #[derive(Debug, Clone)]
 pub struct Trial {
     /// Where the path came from.
     pub source: Source,
-    /// What the environment said.
+    /// The environment's answer.
     pub result: StepResult,
-    /// Whether it did what the demonstrator did: the task at the last keyframe, else the same grasp
+    /// True when it did what the demonstrator did: the task at the last keyframe, else the same grasp
     /// with the scene's joints as far moved, without an invalid action.
     pub success: bool,
 }
@@ -115,7 +115,7 @@ impl KeyframeSnapshot {
             .map(|candidate| self.execute(&candidate))
     }
 
-    /// What `answer` makes of the goal and what the cameras see now.
+    /// Asks `answer` about the goal among the obstacles that the cameras see now.
     fn ask<T>(&self, answer: impl FnOnce(&PathQuery<'_>) -> T) -> T {
         let mut env = self.env.clone();
         let scene = env.obstacles(Some(&self.goal.pose));
@@ -132,7 +132,7 @@ impl KeyframeSnapshot {
     fn execute(&self, candidate: &CandidatePath) -> Trial {
         let mut env = self.env.clone();
         let result = env.step(&candidate.path, self.goal.gripper);
-        let same_grasp = (env.world().holding() != Holding::Nothing) == self.holds;
+        let same_grasp = (env.world().grasp() != Grasp::Nothing) == self.holds;
         let joints = env.world().joint_positions().into_iter().zip(&self.joints);
         let moved = joints.zip(&env.world().spec().joints).all(|((at, goal), joint)| {
             let range = joint.limits[1] - joint.limits[0];

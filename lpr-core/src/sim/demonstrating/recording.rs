@@ -1,8 +1,7 @@
 //! From a scripted demonstration to what an agent learns from: frames, keyframes, observations and
 //! paths.
 
-use super::demonstrator::{Demonstration, demonstrate};
-use super::env::SimEnvironment;
+use super::{Demonstration, demonstrate};
 use crate::demo::{DemoFrame, DemoSettings, augment_demo};
 use crate::env::{EPISODE_LENGTH, Environment as _};
 use crate::path::JointPath;
@@ -10,6 +9,7 @@ use crate::perception::Proprio;
 use crate::q_attention::NextBestPose;
 use crate::rng::{Stream, stream};
 use crate::robot::{DOF, Gripper, JointConfig};
+use crate::sim::environment::SimEnvironment;
 use crate::train::{DemoEpisode, DemoStep};
 
 /// The frames of a demonstration, one each control step.
@@ -69,7 +69,7 @@ pub fn demo_episodes(
 /// The arm in one frame of a demonstration that is to be followed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FollowedFrame {
-    /// Where the arm is.
+    /// Configuration of the arm.
     pub joints: JointConfig,
     /// Distance between the pads, metres.
     pub gripper_width: f32,
@@ -132,12 +132,13 @@ mod tests {
     use crate::config::Config;
     use crate::robot::{PANDA, Robot, XARM7};
     use crate::sim::tasks::{TASKS, Task};
-    use crate::sim::{SimParams, World};
+    use crate::sim::world::{SimParams, World};
+    use std::sync::Arc;
 
     #[test]
     fn demonstrations_have_the_keyframes_of_their_task_and_braking_is_none() {
         let config = Config::preset("fast").expect("a preset");
-        for task in TASKS {
+        for task in TASKS.iter() {
             let env = SimEnvironment::new(task, &XARM7, 0, &["front"], &config.simulator)
                 .expect("a scene");
             for seed in 0..8 {
@@ -151,7 +152,7 @@ mod tests {
     }
 
     fn followed(
-        task: &'static Task,
+        task: &Arc<Task>,
         robot: &'static Robot,
         seed: u64,
     ) -> (Demonstration, Demonstration) {
@@ -169,7 +170,7 @@ mod tests {
 
     #[test]
     fn demonstrations_that_are_followed_do_the_task_again() {
-        for task in TASKS {
+        for task in TASKS.iter() {
             for (robot, seed) in [(&XARM7, 1), (&PANDA, 2)] {
                 let (again, demo) = followed(task, robot, seed);
                 assert!(again.success, "{} with {}: {:?}", task.name, robot.name, again.invalid);

@@ -1,27 +1,27 @@
 //! Control steps: the arm goes to a joint target within 50 ms, for agents that act at 20 Hz instead
 //! of by whole paths.
 
-use super::env::SimEnvironment;
+use super::SimEnvironment;
 use crate::env::{InvalidAction, StepResult};
 use crate::robot::{Gripper, JointConfig};
 
 /// An arm that is to move less than this stands still, radians in every joint.
 const STILL: f32 = 1e-6;
-/// What the velocity limit allows beyond itself: far more than rounding, and less than what stops a
+/// Slack of the velocity limit: far more than rounding, and less than what stops a
 /// physics step half-way.
 const SPEED_SLACK: f32 = 1.001;
 
-/// What an agent does in one control step.
+/// Action of one control step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ControlAction {
-    /// Where every joint is at the end of the step, radians.
+    /// Configuration at the end of the step, radians.
     pub target: JointConfig,
     /// Command to the gripper, which goes on moving in the steps that follow.
     pub gripper: Gripper,
 }
 
 impl SimEnvironment {
-    /// One control step ([`SimParams::control_dt`](super::SimParams::control_dt)): the arm moves to
+    /// One control step ([`SimParams::control_dt`](crate::sim::SimParams::control_dt)): the arm moves to
     /// the target in a straight line of joint space at constant speed, while the gripper does what
     /// it is told.
     ///
@@ -36,7 +36,7 @@ impl SimEnvironment {
     /// use lpr_core::sim::{ControlAction, SimEnvironment, SimParams};
     ///
     /// let task = Task::by_name("reach_target")?;
-    /// let mut env = SimEnvironment::new(task, &XARM7, 7, &[], &SimParams::STANDARD)?;
+    /// let mut env = SimEnvironment::new(&task, &XARM7, 7, &[], &SimParams::STANDARD)?;
     /// let mut target = *env.world().config();
     /// target[0] += 0.05;
     /// let result = env.control_step(&ControlAction { target, gripper: Gripper::Open });

@@ -16,16 +16,16 @@ const LIGHT_INDEX: u64 = FIRST_INDEX + (1 << 32);
 /// Bits of an index that hold the camera; those above hold the step.
 const CAMERA_BITS: u32 = 8;
 
-/// How cameras measure, and how scenes look.
+/// Cameras' errors and scenes' looks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sensing {
-    /// What is wrong with the depth of every camera.
+    /// Errors of the depth of every camera.
     pub noise: DepthNoise,
-    /// What changes from scene to scene.
+    /// Changes of the looks from scene to scene.
     pub randomization: Randomization,
 }
 
-/// What changes from scene to scene: everything is uniform within ± these, and off at zero.
+/// Changes of the looks from scene to scene: everything is uniform within ± these, and off at zero.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Randomization {
     /// Of each colour channel of each body (the robot is one), as a share of its whole range.
@@ -64,7 +64,7 @@ impl Randomization {
         camera_angle: 0.03,
     };
 
-    /// What is added to the channels of the colours of `body`.
+    /// The shift that is added to the channels of the colours of `body`.
     pub(super) fn color_shift(&self, seed: u64, body: usize) -> [f32; 3] {
         let rng = &mut stream(seed, Stream::Colour, FIRST_INDEX + body as u64);
         core::array::from_fn(|_| 255.0 * within(self.color, rng))

@@ -29,7 +29,7 @@ use raster::{NO_FACE, Raster};
 /// Colour of pixels that see nothing.
 const BACKGROUND: [u8; 3] = [188, 199, 210];
 
-/// What lights the images of observations.
+/// Light of the images of observations.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Light {
     /// Towards the light, in the world; of any length but zero.
@@ -62,14 +62,14 @@ pub struct Item {
     pub world_from_mesh: Pose3,
     /// Its colour, sRGB.
     pub rgb: [u8; 3],
-    /// What the mask shows for it; [`NO_ITEM`] is taken.
+    /// Value of the mask where it is seen; [`NO_ITEM`] is taken.
     pub id: u16,
 }
 
 /// A rendered view with the item that each pixel sees.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
-    /// What an agent may see.
+    /// The part that an agent may see.
     pub view: View,
     /// [`Item::id`] of what each pixel sees, else [`NO_ITEM`].
     pub mask: Vec<u16>,
@@ -94,7 +94,7 @@ struct Shaded {
 /// Meshes of shapes, made once, and the buffers that images are drawn in.
 #[derive(Debug, Clone)]
 pub struct Renderer {
-    /// What lights the images from now on; pictures for people have lights of their own.
+    /// Light of the images from now on; pictures for people have lights of their own.
     pub light: Light,
     detail: Detail,
     shapes: Vec<Shape>,
@@ -137,7 +137,7 @@ impl Renderer {
         items.iter().map(|item| self.meshes[item.mesh.0].triangles.len()).sum()
     }
 
-    /// What `camera` sees of `items`, whose meshes are this renderer's.
+    /// Renders `items` for `camera`; their meshes are this renderer's.
     #[must_use]
     pub fn render(&mut self, camera: &Camera, items: &[Item]) -> Frame {
         let mut frame = Frame::empty(camera.clone());
@@ -145,7 +145,7 @@ impl Renderer {
         frame
     }
 
-    /// What the frame's camera sees of `items`, in place of what it saw before.
+    /// Renders `items` for the frame's camera, in place of what it saw before.
     pub fn render_into(&mut self, frame: &mut Frame, items: &[Item]) {
         self.draw(&frame.view.camera, items);
         self.shade(items);

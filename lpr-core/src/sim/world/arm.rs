@@ -10,7 +10,7 @@ const LINK_RGB: [[u8; 3]; 2] = [[225, 226, 230], [196, 198, 204]];
 const HAND_RGB: [u8; 3] = [70, 72, 80];
 
 /// Drawable and physical parts of one frame of the robot.
-pub(super) fn link_parts(robot: &Robot, frame: usize) -> Vec<Part> {
+pub(in crate::sim) fn link_parts(robot: &Robot, frame: usize) -> Vec<Part> {
     debug_assert!(frame < N_LINKS, "a robot has {N_LINKS} frames, asked for {frame}");
     let rgb = if frame == HAND { HAND_RGB } else { LINK_RGB[frame % 2] };
     robot.capsules[frame].iter().map(|capsule| capsule_part(capsule, rgb)).collect()

@@ -1,16 +1,15 @@
-//! What ends an episode: the arm inside a fixed body, or pressed against something harder than a
+//! Contacts that end an episode: the arm inside a fixed body, or pressed against something harder than a
 //! real arm would.
 
-use super::physics::Physics;
-use super::scene_spec::{BodyKind, SceneSpec};
-use super::world::World;
+use super::World;
+use super::fixed::FixedPart;
 use crate::env::InvalidAction;
 use crate::robot::N_LINKS;
 use glamx::{Pose3, Vec3};
-use rapier3d::parry::bounding_volume::{Aabb, BoundingVolume as _};
+use rapier3d::parry::bounding_volume::BoundingVolume as _;
 use rapier3d::parry::query::contact;
 use rapier3d::parry::shape::Shape;
-use rapier3d::prelude::{ColliderHandle, RigidBodyHandle};
+use rapier3d::prelude::RigidBodyHandle;
 
 impl World {
     /// Contact force on a robot body: the magnitude of the sum over its contacts, newtons.
@@ -82,33 +81,4 @@ impl World {
         let found = contact(pose, shape, fixed.position(), fixed.shape(), 0.0);
         matches!(found, Ok(Some(contact)) if contact.dist < -self.params.abort_penetration)
     }
-}
-
-/// A collider of a fixed body.
-#[derive(Clone, Copy)]
-pub(super) struct FixedPart {
-    body: usize,
-    collider: ColliderHandle,
-    /// In the world. Kept, since it never changes, and since that of a cylinder or a hull costs
-    /// more than all else here.
-    aabb: Aabb,
-}
-
-/// Colliders of the fixed bodies of a scene, in their order.
-pub(super) fn fixed_parts(
-    spec: &SceneSpec,
-    physics: &Physics,
-    bodies: &[RigidBodyHandle],
-) -> Vec<FixedPart> {
-    let fixed =
-        bodies.iter().enumerate().filter(|(body, _)| spec.bodies[*body].kind == BodyKind::Fixed);
-    let parts = |(body, handle): (usize, &RigidBodyHandle)| {
-        let part = move |collider| FixedPart {
-            body,
-            collider,
-            aabb: physics.colliders[collider].compute_aabb(),
-        };
-        physics.colliders_of(*handle).iter().copied().map(part)
-    };
-    fixed.flat_map(parts).collect()
 }

@@ -1,7 +1,7 @@
 //! Bodies that fall off the table: they come to rest below it instead of falling, and costing time,
 //! for ever.
 
-use super::world::World;
+use super::World;
 use rapier3d::prelude::RigidBodyHandle;
 
 /// Below this a body rests where it is and touches nothing any more, world z in metres: deeper than
@@ -26,7 +26,7 @@ impl World {
 
     /// Gives a body this velocity, m/s.
     #[cfg(test)]
-    pub(super) fn throw(&mut self, body: usize, velocity: glamx::Vec3) {
+    pub(in crate::sim) fn throw(&mut self, body: usize, velocity: glamx::Vec3) {
         self.physics.bodies[self.bodies[body]].set_linvel(velocity, true);
     }
 }

@@ -1,32 +1,22 @@
-//! The gripper: one width for both fingers, a force stop, and the grasp of free objects by
-//! attaching them.
-//!
-//! Articulated handles are held by friction and caging; free objects are attached to the hand when
-//! both pads touch them, as `RLBench` does, with their contacts to the robot switched off.
+//! The gripper's state and geometry: one width for both fingers and a force stop.
 
 use super::params::SimParams;
-use super::physics::{held_groups, scene_groups};
-use super::world::World;
-use crate::robot::{Gripper, GripperBox, GripperSpec, HAND};
+use crate::robot::{Gripper, GripperBox, GripperSpec};
 use crate::scene::{Part, Shape};
 use glamx::{Pose3, Vec3};
-use rapier3d::prelude::{FixedJointBuilder, ImpulseJointHandle, RigidBodyHandle};
+use rapier3d::prelude::ImpulseJointHandle;
 use serde::{Deserialize, Serialize};
 
 /// Colour of the pads.
 const PAD_RGB: [u8; 3] = [40, 40, 45];
 /// Colour of the fingers.
 const FINGER_RGB: [u8; 3] = [90, 92, 98];
-/// The pads part by this much before a released object may touch them again, metres.
-const RELEASE_GAP: f32 = 0.004;
-/// Below this width a closed gripper holds nothing, metres.
-const EMPTY_WIDTH: f32 = 0.001;
 
 /// Physics steps by which contact forces lag behind the fingers.
 const FORCE_LEAD_STEPS: f32 = 4.0;
 /// Share of the grip force from which a handle counts as held, and within which of it the force
 /// counts as calm.
-const FIRM: f32 = 0.8;
+pub(super) const FIRM: f32 = 0.8;
 /// Share of the grip force by which the force has to swing to and fro for the regulator to become
 /// slower: rapier's contacts are as much stiffer as bodies are heavier, and what holds a lid's bar
 /// would drop a kilogram.
@@ -38,9 +28,9 @@ const GAIN_GROWTH: f32 = 1.1;
 /// Least share of the compliance.
 const MIN_GAIN: f32 = 0.05;
 
-/// What the gripper holds.
+/// State of the gripper's grasp.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Holding {
+pub enum Grasp {
     /// Nothing.
     Nothing,
     /// Something between the pads that is not attached: a handle.
@@ -57,20 +47,20 @@ pub enum Holding {
 pub(super) struct GripperState {
     pub(super) width: f32,
     pub(super) command: Gripper,
-    pub(super) holding: Holding,
+    pub(super) grasp: Grasp,
     /// How far both fingers have given way along the grip's y, metres.
     pub(super) offset: f32,
     /// Contact forces of the fingers at +y and -y after the last step, newtons.
-    forces: [f32; 2],
+    pub(super) forces: [f32; 2],
     /// The forces one step earlier.
-    last_forces: [f32; 2],
-    /// What the grip force lacked when the fingers last moved, newtons.
+    pub(super) last_forces: [f32; 2],
+    /// Lack of grip force when the fingers last moved, newtons.
     last_error: f32,
     /// Share of the compliance that is in use: less while the force swings about what it should be.
     gain: f32,
-    attachment: Option<ImpulseJointHandle>,
+    pub(super) attachment: Option<ImpulseJointHandle>,
     /// An object released but still between the pads, with the width at its release.
-    released: Option<(usize, f32)>,
+    pub(super) released: Option<(usize, f32)>,
 }
 
 impl GripperState {
@@ -78,7 +68,7 @@ impl GripperState {
         Self {
             width: spec.max_width,
             command: Gripper::Open,
-            holding: Holding::Nothing,
+            grasp: Grasp::Nothing,
             offset: 0.0,
             forces: [0.0; 2],
             last_forces: [0.0; 2],
@@ -102,7 +92,7 @@ impl GripperState {
             }
             Gripper::Close if self.attachment.is_some() => {}
             Gripper::Close if self.forces == [0.0; 2] => {
-                self.width = (self.width - travel).max(0.0)
+                self.width = (self.width - travel).max(0.0);
             }
             Gripper::Close => {
                 // One motor drives both fingers: it feels their mean; the difference pushes the
@@ -139,15 +129,15 @@ impl GripperState {
     }
 
     pub(super) fn settled(&self, params: &SimParams, spec: &GripperSpec) -> bool {
-        match (self.command, self.holding) {
+        match (self.command, self.grasp) {
             (Gripper::Open, _) => self.width >= spec.max_width,
-            (Gripper::Close, Holding::Nothing) => self.width <= 0.0,
-            (Gripper::Close, Holding::Attached { .. }) => true,
-            (Gripper::Close, Holding::Pinched) => self.is_calm(params),
+            (Gripper::Close, Grasp::Nothing) => self.width <= 0.0,
+            (Gripper::Close, Grasp::Attached { .. }) => true,
+            (Gripper::Close, Grasp::Pinched) => self.is_calm(params),
         }
     }
 
-    /// Whether the grip force has come near what it will stay at: contacts answer late, so it first
+    /// Tells if the grip force has come near what it will stay at: contacts answer late, so it first
     /// goes far beyond, and is right for a moment on the way there.
     fn is_calm(&self, params: &SimParams) -> bool {
         let tolerance = (1.0 - FIRM) * params.grip_force;
@@ -171,91 +161,4 @@ pub(super) fn finger_parts(spec: &GripperSpec) -> [Vec<Part>; 2] {
         };
         vec![part(&finger.pad, PAD_RGB), part(&finger.body, FINGER_RGB)]
     })
-}
-
-impl World {
-    /// Reads the fingers' forces, attaches what a closing hand has reached and lets go of what an
-    /// opening one held.
-    pub(super) fn update_grasp(&mut self) {
-        self.gripper.last_forces = self.gripper.forces;
-        self.gripper.forces = self.finger_forces();
-        match self.gripper.command {
-            Gripper::Open => self.release(),
-            Gripper::Close => self.grasp(),
-        }
-    }
-
-    fn grasp(&mut self) {
-        if self.gripper.attachment.is_some() {
-            return;
-        }
-        if let Some(body) =
-            (0..self.bodies.len()).find(|&body| self.is_graspable(body) && self.pads_touch(body))
-        {
-            self.attach(body);
-            return;
-        }
-        let [left, right] = self.gripper.forces;
-        let pinches = left + right > 0.0 && self.gripper.width > EMPTY_WIDTH;
-        let firm = left.min(right) > FIRM * self.params.grip_force;
-        self.gripper.holding = match self.gripper.holding {
-            Holding::Pinched if pinches => Holding::Pinched,
-            _ if pinches && firm => Holding::Pinched,
-            _ => Holding::Nothing,
-        };
-    }
-
-    /// Whether both fingers are in contact with a body of the scene.
-    pub(super) fn pads_touch(&self, body: usize) -> bool {
-        self.fingers.iter().all(|finger| self.touching(*finger, self.bodies[body]))
-    }
-
-    fn touching(&self, finger: RigidBodyHandle, body: RigidBodyHandle) -> bool {
-        self.physics.colliders_of(finger).iter().any(|pad| {
-            self.physics.narrow_phase.contact_pairs_with(*pad).any(|pair| {
-                let other = if pair.collider1 == *pad { pair.collider2 } else { pair.collider1 };
-                pair.total_impulse_magnitude() > 0.0
-                    && self.physics.colliders[other].parent() == Some(body)
-            })
-        })
-    }
-
-    fn attach(&mut self, body: usize) {
-        let hand = self.links[HAND];
-        let object = self.bodies[body];
-        let hand_from_object =
-            self.physics.bodies[hand].position().inv_mul(self.physics.bodies[object].position());
-        let joint = FixedJointBuilder::new().local_frame1(hand_from_object).contacts_enabled(false);
-        self.gripper.attachment =
-            Some(self.physics.impulse_joints.insert(hand, object, joint, true));
-        self.gripper.holding = Holding::Attached { body };
-        self.gripper.released = None;
-        self.set_held(object, held_groups());
-    }
-
-    fn set_held(&mut self, object: RigidBodyHandle, groups: rapier3d::prelude::InteractionGroups) {
-        for collider in self.physics.bodies[object].colliders().to_vec() {
-            self.physics.colliders[collider].set_collision_groups(groups);
-        }
-    }
-
-    fn release(&mut self) {
-        if let Some(joint) = self.gripper.attachment.take() {
-            self.physics.impulse_joints.remove(joint, true);
-            if let Holding::Attached { body } = self.gripper.holding {
-                let hand_velocity = self.physics.bodies[self.links[HAND]].linvel();
-                let object = &mut self.physics.bodies[self.bodies[body]];
-                object.set_linvel(hand_velocity, true);
-                object.set_angvel(Vec3::ZERO, true);
-                self.gripper.released = Some((body, self.gripper.width));
-            }
-        }
-        self.gripper.holding = Holding::Nothing;
-        if let Some((body, width)) = self.gripper.released
-            && self.gripper.width > width + RELEASE_GAP
-        {
-            self.set_held(self.bodies[body], scene_groups());
-            self.gripper.released = None;
-        }
-    }
 }

@@ -1,5 +1,5 @@
-//! Physics settings: every field of rapier's integration parameters, none left to a default that
-//! changes between releases.
+//! Physics settings, and rapier's integration parameters made of them: named here, since rapier's
+//! defaults change between releases.
 
 use rapier3d::prelude::{FrictionModel, IntegrationParameters, SpringCoefficients};
 use serde::{Deserialize, Serialize};

@@ -1,8 +1,8 @@
 //! rapier's sets as one value that can be cloned: a snapshot of the world.
 
 use super::params::SimParams;
-use super::scene_spec::{BodyKind, BodySpec, JointKind, JointSpec};
 use crate::scene::{Part, Shape};
+use crate::sim::scene::{BodyKind, BodySpec, JointKind, JointSpec};
 use glamx::{Pose3, Quat, Vec3};
 use rapier3d::prelude::{
     ActiveHooks, BroadPhaseBvh, CCDSolver, CoefficientCombineRule, ColliderBuilder, ColliderHandle,
@@ -107,6 +107,7 @@ impl Physics {
         if spec.kind == BodyKind::Visual {
             return body;
         }
+        // The parts share the body's mass by their volumes; where parts overlap it counts twice.
         let volume: f32 = spec
             .parts
             .iter()
@@ -234,7 +235,7 @@ impl Physics {
     }
 }
 
-/// Whether a latch holds.
+/// State of a latch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Latched {
     Yes,
@@ -260,7 +261,7 @@ pub(super) fn held_groups() -> InteractionGroups {
 }
 
 /// rapier's shape.
-pub(super) fn shared_shape(shape: &Shape) -> SharedShape {
+pub(in crate::sim) fn shared_shape(shape: &Shape) -> SharedShape {
     match shape {
         Shape::Sphere { radius } => SharedShape::ball(*radius),
         Shape::Cuboid { half_extents } => {
@@ -276,7 +277,7 @@ pub(super) fn shared_shape(shape: &Shape) -> SharedShape {
 }
 
 /// Pose of the collider in its body: rapier's cylinder lies along y, ours along z.
-pub(super) fn collider_pose(part: &Part) -> Pose3 {
+pub(in crate::sim) fn collider_pose(part: &Part) -> Pose3 {
     match part.shape {
         Shape::Cylinder { .. } => {
             part.pose * Pose3::from_rotation(Quat::from_rotation_x(core::f32::consts::FRAC_PI_2))

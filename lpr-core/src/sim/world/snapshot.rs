@@ -1,36 +1,30 @@
 //! A world as bytes, from which it goes on bit by bit.
 //!
-//! Magic, version and digest, then in `postcard` the version of rapier, the robot and the state. A
-//! snapshot is for the program that made it and its like: a recorded episode
+//! Sealed, in `postcard`: the version of rapier, the robot and the state. A snapshot is for the program that made it and its like: a recorded episode
 //! ([`SceneSpec`](super::SceneSpec) and paths) outlives releases of rapier, this does not.
 //!
 //! The digest tells damage, not malice: rapier is not made for a state that someone has forged.
 
-use super::contact::fixed_parts;
-use super::env::SimEnvironment;
+use super::World;
+use super::fixed::fixed_parts;
 use super::gripper::GripperState;
 use super::near::Balls;
 use super::params::SimParams;
 use super::physics::Physics;
-use super::scene_spec::SceneSpec;
-use super::world::World;
-use crate::digest;
 use crate::error::{Error, Result};
 use crate::robot::{JointConfig, N_LINKS, Robot};
+use crate::sealed::Seal;
+use crate::sim::scene::SceneSpec;
 use rapier3d::prelude::{ImpulseJointHandle, RigidBodyHandle};
 use std::sync::Arc;
 
-/// The first bytes.
-const MAGIC: &[u8; 8] = b"LPRWORLD";
-/// The layout that this program writes and reads.
-const VERSION: u32 = 2;
-/// Length of magic, version and digest.
-const HEADER: usize = 20;
+/// The head of a snapshot.
+const SEAL: Seal = Seal { magic: *b"LPRWORLD", version: 2, oldest: 2 };
 
 /// Versions of rapier and names of robots.
 type Origin<'a> = (&'a str, &'a str);
 
-/// What is stored of a [`World`], in this order.
+/// Stored state of a [`World`], in this order.
 type State = (
     SimParams,
     SceneSpec,
@@ -69,9 +63,7 @@ impl World {
             (params, spec.as_ref(), bodies, joints, links, fingers, gripper, config, physics);
         let payload = postcard::to_allocvec(&(origin, state))
             .map_err(|error| Error::Snapshot(error.to_string()))?;
-        let head =
-            [&MAGIC[..], &VERSION.to_le_bytes(), &digest::of(&payload).to_le_bytes()].concat();
-        Ok([head, payload].concat())
+        Ok(SEAL.seal(&payload))
     }
 
     /// The world that [`Self::to_bytes`] was asked of, with the same `robot`.
@@ -80,18 +72,18 @@ impl World {
     ///
     /// [`Error::Snapshot`] saying which version, rapier or robot it is of, or that it is damaged.
     pub fn from_bytes(bytes: &[u8], robot: &'static Robot) -> Result<Self> {
-        let payload = checked_payload(bytes)?;
+        let payload = SEAL.open(bytes).map_err(|error| Error::Snapshot(error.to_string()))?;
         let ((rapier, name), state): (Origin<'_>, &[u8]) =
             postcard::take_from_bytes(payload).map_err(|error| unreadable(&error))?;
         if rapier != rapier3d::VERSION {
             return Err(Error::Snapshot(format!(
-                "of rapier {rapier}, this program has {}",
+                "rapier: expected {}, found {rapier}",
                 rapier3d::VERSION
             )));
         }
         if name != robot.name {
             return Err(Error::Snapshot(format!(
-                "of the robot `{name}`, expected `{}`",
+                "robot: expected `{}`, found `{name}`",
                 robot.name
             )));
         }
@@ -135,51 +127,6 @@ impl World {
     }
 }
 
-impl SimEnvironment {
-    /// This episode with its world as in the snapshot, after `step` macro actions: [`Self::at`] for
-    /// bytes.
-    ///
-    /// # Errors
-    ///
-    /// As [`World::from_bytes`], and when the snapshot is of another scene.
-    pub fn at_snapshot(&self, bytes: &[u8], step: usize) -> Result<Self> {
-        let world = World::from_bytes(bytes, self.world().robot())?;
-        if world.spec() != self.world().spec() {
-            let task = &world.spec().task;
-            return Err(Error::Snapshot(format!(
-                "of another scene than this episode's, of the task `{task}`"
-            )));
-        }
-        Ok(self.at(world, step))
-    }
-}
-
-/// What follows the header, if that is ours and the digest fits.
-fn checked_payload(bytes: &[u8]) -> Result<&[u8]> {
-    let Some((head, payload)) = bytes.split_at_checked(HEADER) else {
-        return Err(Error::Snapshot(format!(
-            "has {} bytes, expected at least {HEADER}",
-            bytes.len()
-        )));
-    };
-    let (magic, rest) = head.split_at(MAGIC.len());
-    if magic != MAGIC {
-        return Err(Error::Snapshot("is no snapshot of a world".to_owned()));
-    }
-    let (version, stored) = rest.split_at(size_of::<u32>());
-    if version != VERSION.to_le_bytes() {
-        let version =
-            version.iter().rev().fold(0_u32, |value, byte| (value << 8) | u32::from(*byte));
-        return Err(Error::Snapshot(format!(
-            "version {version} is unknown, this program reads version {VERSION}"
-        )));
-    }
-    if stored != digest::of(payload).to_le_bytes() {
-        return Err(Error::Snapshot("is damaged: its digest does not fit".to_owned()));
-    }
-    Ok(payload)
-}
-
 fn unreadable(error: &postcard::Error) -> Error {
     Error::Snapshot(format!("cannot be read: {error}"))
 }
@@ -189,15 +136,17 @@ mod tests {
     use super::*;
     use crate::rng::{Stream, stream};
     use crate::robot::{Gripper, PANDA, ROBOTS, XARM7};
+    use crate::sim::demonstrating::demonstrate;
+    use crate::sim::environment::SimEnvironment;
     use crate::sim::tasks::Task;
-    use crate::sim::{Holding, demonstrate};
+    use crate::sim::world::Grasp;
     use glamx::Vec3;
     use proptest::prelude::{any, prop, prop_assert, proptest};
     use std::sync::LazyLock;
 
     fn environment(task: &str, robot: &'static Robot) -> SimEnvironment {
         let task = Task::by_name(task).expect("a task");
-        SimEnvironment::new(task, robot, 2, &["front"], &SimParams::STANDARD).expect("a scene")
+        SimEnvironment::new(&task, robot, 2, &["front"], &SimParams::STANDARD).expect("a scene")
     }
 
     /// The world after every control step of a demonstration.
@@ -242,15 +191,12 @@ mod tests {
             let frames = frames(task, robot);
             let held = frames
                 .iter()
-                .find(|world| world.holding() != Holding::Nothing)
+                .find(|world| world.grasp() != Grasp::Nothing)
                 .expect("something is held");
             let mut original = held.clone();
             let mut restored =
                 World::from_bytes(&original.to_bytes().expect("bytes"), robot).expect("a world");
-            assert_eq!(
-                (restored.holding(), restored.hash()),
-                (original.holding(), original.hash())
-            );
+            assert_eq!((restored.grasp(), restored.hash()), (original.grasp(), original.hash()));
             for step in 0..200 {
                 lift(&mut original, step);
                 lift(&mut restored, step);
@@ -261,7 +207,7 @@ mod tests {
                     robot.name
                 );
             }
-            assert_eq!(restored.holding(), original.holding());
+            assert_eq!(restored.grasp(), original.grasp());
         }
     }
 
@@ -288,20 +234,19 @@ mod tests {
 
     #[test]
     fn what_it_is_not_of_is_named() {
-        assert_eq!(refusal(snapshot(), &PANDA), "snapshot: of the robot `xarm7`, expected `panda`");
+        assert_eq!(refusal(snapshot(), &PANDA), "snapshot: robot: expected `panda`, found `xarm7`");
         let mut other = snapshot().to_vec();
         other[8] = 7;
-        assert_eq!(
-            refusal(&other, &XARM7),
-            "snapshot: version 7 is unknown, this program reads version 2"
+        assert_eq!(refusal(&other, &XARM7), "snapshot: version: expected 2, found 7");
+        assert!(
+            refusal(b"PK\x03\x04 something else entirely", &XARM7).contains("expected `LPRWORLD`")
         );
-        assert!(refusal(b"PK\x03\x04 something else entirely", &XARM7).contains("no snapshot"));
-        assert!(refusal(b"LPR", &XARM7).contains("3 bytes"));
+        assert!(refusal(b"LPR", &XARM7).contains("found 3"));
         let payload = postcard::to_allocvec(&("0.35.2", "xarm7")).expect("bytes");
-        let error = refusal(&with_header(&payload), &XARM7);
+        let error = refusal(&SEAL.seal(&payload), &XARM7);
         assert_eq!(
             error,
-            format!("snapshot: of rapier 0.35.2, this program has {}", rapier3d::VERSION)
+            format!("snapshot: rapier: expected {}, found 0.35.2", rapier3d::VERSION)
         );
     }
 
@@ -323,10 +268,6 @@ mod tests {
         );
     }
 
-    fn with_header(payload: &[u8]) -> Vec<u8> {
-        [&MAGIC[..], &VERSION.to_le_bytes(), &digest::of(payload).to_le_bytes(), payload].concat()
-    }
-
     proptest! {
         #[test]
         fn damage_is_refused(place in any::<prop::sample::Index>(), flip in 1_u8.., cut in any::<prop::sample::Index>()) {
@@ -340,9 +281,9 @@ mod tests {
         #[test]
         fn any_bytes_are_refused(bytes in prop::collection::vec(any::<u8>(), 0..300)) {
             prop_assert!(World::from_bytes(&bytes, &XARM7).is_err());
-            prop_assert!(World::from_bytes(&with_header(&bytes), &XARM7).is_err());
+            prop_assert!(World::from_bytes(&SEAL.seal(&bytes), &XARM7).is_err());
             let origin = postcard::to_allocvec(&(rapier3d::VERSION, "xarm7")).expect("bytes");
-            prop_assert!(World::from_bytes(&with_header(&[origin, bytes].concat()), &XARM7).is_err());
+            prop_assert!(World::from_bytes(&SEAL.seal(&[origin, bytes].concat()), &XARM7).is_err());
         }
     }
 }

@@ -1,12 +1,11 @@
-//! What physics is measured on: an arm that sweeps over ten boxes, none of which ever falls asleep.
+//! The scene that physics is timed on: an arm that sweeps over ten boxes, none of which ever falls asleep.
 
-use super::params::SimParams;
-use super::scene_spec::{BodyKind, BodySpec, SceneSpec};
-use super::world::World;
+use super::{SimParams, World};
 use crate::env::InvalidAction;
 use crate::error::Result;
 use crate::robot::{JointConfig, XARM7};
 use crate::scene::{Part, Shape};
+use crate::sim::scene::{BodyKind, BodySpec, SceneSpec};
 use glamx::{Pose3, Vec3};
 use rapier3d::prelude::RigidBodyActivation;
 use std::sync::Arc;
@@ -59,7 +58,7 @@ impl ArmSweep {
             .step(&JointConfig(core::array::from_fn(|j| XARM7.start[j] + AMPLITUDES[j] * sine)))
     }
 
-    /// What has become of it.
+    /// The world now.
     #[must_use]
     pub fn world(&self) -> &World {
         &self.world

@@ -2,12 +2,13 @@
 
 use super::*;
 use crate::env::Environment as _;
-use crate::perception::{DepthNoise, Observation};
+use crate::perception::{CAMERA_NAMES, DepthNoise, Observation};
 use crate::robot::{PANDA, XARM7};
 use crate::scene::Part;
-use crate::sim::physics::{collider_pose, shared_shape};
+use crate::sim::observing::render::NO_ITEM;
+use crate::sim::observing::{MaskLabel, Randomization};
 use crate::sim::tasks::Task;
-use crate::sim::{Randomization, SimParams};
+use crate::sim::world::{SimParams, collider_pose, shared_shape};
 use glamx::Vec3;
 
 const ALL: [Channel; 4] = [Channel::Rgb, Channel::Depth, Channel::Cloud, Channel::Mask];
@@ -16,7 +17,7 @@ const NOISY: Sensing =
 
 fn environment(task: &str) -> SimEnvironment {
     let task = Task::by_name(task).expect("a task");
-    SimEnvironment::new(task, &XARM7, 3, &CAMERA_NAMES, &SimParams::STANDARD).expect("a scene")
+    SimEnvironment::new(&task, &XARM7, 3, &CAMERA_NAMES, &SimParams::STANDARD).expect("a scene")
 }
 
 fn request(camera: &str, size: [usize; 2], channels: &[Channel]) -> CameraRequest {
@@ -114,16 +115,16 @@ fn every_pixel_of_a_body_lies_on_that_body() {
             let robot = env.world().robot_items();
             for (point, value) in points.into_iter().zip(mask) {
                 let bodies = &env.world().spec().bodies;
-                match env.world().seen_in_mask(value).expect("a value of a mask") {
-                    Seen::Nothing => assert_eq!(point, Vec3::INFINITY),
-                    Seen::Body { body, name } => {
+                match MaskLabel::of(env.world(), value).expect("a value of a mask") {
+                    MaskLabel::Nothing => assert_eq!(point, Vec3::INFINITY),
+                    MaskLabel::Body { body, name } => {
                         assert_eq!(bodies[body].name, name);
                         // Meshes of round shapes lie a little inside.
                         let distance =
                             distance(&bodies[body].parts, env.world().body_pose(body), point);
                         assert!(distance < 1e-3, "{task}: {distance} m from {name}");
                     }
-                    Seen::Robot { part } => {
+                    MaskLabel::Robot { part } => {
                         let (pose, parts) = &robot[usize::from(value) - 1 - bodies.len()];
                         let distance = distance(parts, *pose, point);
                         assert!(distance < 1e-3, "{task}: {distance} m from {part}");
@@ -139,15 +140,18 @@ fn values_of_a_mask_have_names_and_others_have_none() {
     let env = environment("take_lid_off_saucepan");
     let world = env.world();
     let n_bodies = world.spec().bodies.len() as u16;
-    assert_eq!(world.seen_in_mask(NO_ITEM), Some(Seen::Nothing));
+    assert_eq!(MaskLabel::of(world, NO_ITEM), Some(MaskLabel::Nothing));
     assert_eq!(
-        world.seen_in_mask(n_bodies),
-        Some(Seen::Body { body: usize::from(n_bodies) - 1, name: "table" })
+        MaskLabel::of(world, n_bodies),
+        Some(MaskLabel::Body { body: usize::from(n_bodies) - 1, name: "table" })
     );
-    assert_eq!(world.seen_in_mask(n_bodies + 1), Some(Seen::Robot { part: "base" }));
+    assert_eq!(MaskLabel::of(world, n_bodies + 1), Some(MaskLabel::Robot { part: "base" }));
     let n_frames = world.robot_items().len() as u16;
-    assert_eq!(world.seen_in_mask(n_bodies + n_frames), Some(Seen::Robot { part: "finger" }));
-    assert_eq!(world.seen_in_mask(n_bodies + n_frames + 1), None);
+    assert_eq!(
+        MaskLabel::of(world, n_bodies + n_frames),
+        Some(MaskLabel::Robot { part: "finger" })
+    );
+    assert_eq!(MaskLabel::of(world, n_bodies + n_frames + 1), None);
 }
 
 #[test]
@@ -202,8 +206,8 @@ fn a_reset_keeps_the_settings_and_takes_the_seed_of_the_scene() {
 fn a_noisy_cloud_is_the_noisy_depth_seen_from_where_the_camera_stands() {
     for robot in [&XARM7, &PANDA] {
         let task = Task::by_name("stack_wine").expect("a task");
-        let mut env =
-            SimEnvironment::new(task, robot, 3, &["front"], &SimParams::STANDARD).expect("a scene");
+        let mut env = SimEnvironment::new(&task, robot, 3, &["front"], &SimParams::STANDARD)
+            .expect("a scene");
         let still = env.observe().views[0].camera.clone();
         env.set_sensing(NOISY, 6);
         let View { camera, depth, points, .. } = env.observe().views.remove(0);
