@@ -28,7 +28,11 @@ pub(crate) enum SealError {
         found: usize,
     },
     /// The file is of another kind.
-    #[error("first bytes: expected `{}`, found `{}`", .expected.escape_ascii(), .found.escape_ascii())]
+    #[error(
+        "first bytes: expected `{}`, found `{}`",
+        .expected.escape_ascii(),
+        .found.escape_ascii()
+    )]
     Magic {
         /// The magic of this kind of file.
         expected: [u8; 8],

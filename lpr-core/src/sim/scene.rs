@@ -102,7 +102,8 @@ pub struct JointSpec {
     pub start: f32,
     /// Dry friction of the joint, N·m or N.
     pub brake: f32,
-    /// Stiffness of the spring that drives the joint back to `start`, N·m/rad or N/m; 0 where there is a brake.
+    /// Stiffness of the spring that drives the joint back to `start`, N·m/rad or N/m; 0 where there
+    /// is a brake.
     #[serde(default)]
     pub spring: f32,
     /// Latch that keeps the joint at `start`.

@@ -32,7 +32,8 @@ pub struct MacroAction {
 /// use lpr_core::sim::{ControlAction, SimParams, VectorEnvironment};
 ///
 /// let task = Task::by_name("reach_target")?;
-/// let mut envs = VectorEnvironment::new(&task, &XARM7, 100..104, &["front"], &SimParams::STANDARD)?;
+/// let params = &SimParams::STANDARD;
+/// let mut envs = VectorEnvironment::new(&task, &XARM7, 100..104, &["front"], params)?;
 /// for _ in 0..5 {
 ///     let observations = envs.observe();
 ///     let actions: Vec<_> = observations
@@ -44,7 +45,11 @@ pub struct MacroAction {
 ///         })
 ///         .collect();
 ///     let results = envs.control_step(&actions);
-///     let seeds: Vec<_> = results.iter().zip(200..).map(|(result, seed)| result.terminated.then_some(seed)).collect();
+///     let seeds: Vec<_> = results
+///         .iter()
+///         .zip(200..)
+///         .map(|(result, seed)| result.terminated.then_some(seed))
+///         .collect();
 ///     envs.reset_where(&seeds)?;
 /// }
 /// assert_eq!(envs.environments().len(), 4);

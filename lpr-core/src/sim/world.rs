@@ -1,7 +1,7 @@
 //! The simulated world: rapier bodies for a scene, a kinematic arm and a force-stopped gripper.
 //!
-//! State that knows no [`World`] is in `physics`, `gripper`, `fixed`, `near` and `params`; the other
-//! modules are what a world does with it.
+//! State that knows no [`World`] is in `physics`, `gripper`, `fixed`, `near` and `params`; the
+//! other modules are what a world does with it.
 
 mod arm;
 mod contact;

@@ -62,8 +62,8 @@ pub struct Trial {
     pub source: Source,
     /// The environment's answer.
     pub result: StepResult,
-    /// True when it did what the demonstrator did: the task at the last keyframe, else the same grasp
-    /// with the scene's joints as far moved, without an invalid action.
+    /// True when it did what the demonstrator did: the task at the last keyframe, else the same
+    /// grasp with the scene's joints as far moved, without an invalid action.
     pub success: bool,
 }
 

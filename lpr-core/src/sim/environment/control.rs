@@ -21,9 +21,9 @@ pub struct ControlAction {
 }
 
 impl SimEnvironment {
-    /// One control step ([`SimParams::control_dt`](crate::sim::SimParams::control_dt)): the arm moves to
-    /// the target in a straight line of joint space at constant speed, while the gripper does what
-    /// it is told.
+    /// One control step ([`SimParams::control_dt`](crate::sim::SimParams::control_dt)): the arm
+    /// moves to the target in a straight line of joint space at constant speed, while the gripper
+    /// does what it is told.
     ///
     /// A target that is no configuration of the arm or too far away for the joints' velocity limits
     /// ends the episode (`invalid`) before anything has moved: the next step may start from there.

@@ -24,8 +24,8 @@ pub(in crate::sim) enum Until {
 }
 
 impl SimEnvironment {
-    /// As [`Environment::step`](crate::env::Environment::step), calling `record` after every control
-    /// step and after the gripper's command.
+    /// As [`Environment::step`](crate::env::Environment::step), calling `record` after every
+    /// control step and after the gripper's command.
     pub fn step_recorded(
         &mut self,
         path: &JointPath,

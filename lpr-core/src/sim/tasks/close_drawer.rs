@@ -17,8 +17,8 @@ pub(super) fn close_drawer() -> Task {
         goal: "push the {} drawer shut".to_owned(),
         variations: words(chest::DRAWERS),
         keyframes: 2,
-        // Farther off than the drawer that is opened: the arm comes from the front of one that stands
-        // open.
+        // Farther off than the drawer that is opened: the arm comes from the front of one that
+        // stands open.
         placement: Placement {
             center: Vec2::new(0.05, -0.40),
             half_range: Vec2::new(0.08, 0.06),

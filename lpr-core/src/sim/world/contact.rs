@@ -1,5 +1,5 @@
-//! Contacts that end an episode: the arm inside a fixed body, or pressed against something harder than a
-//! real arm would.
+//! Contacts that end an episode: the arm inside a fixed body, or pressed against something harder
+//! than a real arm would.
 
 use super::World;
 use super::fixed::FixedPart;

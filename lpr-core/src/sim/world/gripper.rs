@@ -137,8 +137,8 @@ impl GripperState {
         }
     }
 
-    /// Tells if the grip force has come near what it will stay at: contacts answer late, so it first
-    /// goes far beyond, and is right for a moment on the way there.
+    /// Tells if the grip force has come near what it will stay at: contacts answer late, so it
+    /// first goes far beyond, and is right for a moment on the way there.
     fn is_calm(&self, params: &SimParams) -> bool {
         let tolerance = (1.0 - FIRM) * params.grip_force;
         let is_near =

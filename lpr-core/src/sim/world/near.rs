@@ -1,7 +1,8 @@
 //! The links that physics has to know of: those near something that can move.
 //!
-//! A kinematic link meets nothing else in rapier (what is fixed is the affair of `contact`), and most links are far from all that moves most of the time; each that is left out
-//! spares a step about a hundredth of its time.
+//! A kinematic link meets nothing else in rapier (what is fixed is the affair of `contact`), and
+//! most links are far from all that moves most of the time; each that is left out spares a step
+//! about a hundredth of its time.
 
 use super::physics::Physics;
 use crate::robot::{HAND, N_LINKS};

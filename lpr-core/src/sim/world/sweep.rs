@@ -1,4 +1,5 @@
-//! The scene that physics is timed on: an arm that sweeps over ten boxes, none of which ever falls asleep.
+//! The scene that physics is timed on: an arm that sweeps over ten boxes, none of which ever falls
+//! asleep.
 
 use super::{SimParams, World};
 use crate::env::InvalidAction;

@@ -37,8 +37,8 @@ pub struct Capture {
 }
 
 impl Renderer {
-    /// Captures `items`, whose meshes are this renderer's, with `camera`, after `measure` has changed
-    /// its depth.
+    /// Captures `items`, whose meshes are this renderer's, with `camera`, after `measure` has
+    /// changed its depth.
     ///
     /// Without channels nothing is drawn.
     #[must_use]
