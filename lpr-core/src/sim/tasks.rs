@@ -134,7 +134,9 @@ impl TaskScene {
 }
 
 /// Every task of this program.
-pub static TASKS: LazyLock<[Arc<Task>; 21]> = LazyLock::new(|| {
+pub static TASKS: LazyLock<[Arc<Task>; 21]> = LazyLock::new(|| built_in().map(Arc::new));
+
+fn built_in() -> [Task; 21] {
     [
         reach_target::reach_target(),
         pick_and_lift::pick_and_lift(),
@@ -158,8 +160,7 @@ pub static TASKS: LazyLock<[Arc<Task>; 21]> = LazyLock::new(|| {
         open_filing_cabinet::open_filing_cabinet(),
         open_dishwasher::open_dishwasher(),
     ]
-    .map(Arc::new)
-});
+}
 
 impl Task {
     /// The task of that name among [`TASKS`].
