@@ -58,7 +58,7 @@ fn main() {
     } else {
         let task = Task::by_name(task).unwrap();
         let env =
-            SimEnvironment::new(task, &XARM7, VALIDATION.start, &["front"], &config.simulator)
+            SimEnvironment::new(&task, &XARM7, VALIDATION.start, &["front"], &config.simulator)
                 .unwrap();
         let recorded =
             scenes.filter_map(|scene| record_demo(&env, scene, &config.demos).ok().flatten());

@@ -48,7 +48,7 @@ fn main() {
     config.training.demonstration_updates = n_updates;
     let task = Task::by_name(task).unwrap();
     let env =
-        SimEnvironment::new(task, &XARM7, SCENES.start, &["front"], &config.simulator).unwrap();
+        SimEnvironment::new(&task, &XARM7, SCENES.start, &["front"], &config.simulator).unwrap();
     let record = |scene| record_demo(&env, scene, &config.demos).ok().flatten();
     let truth: Vec<Vec<DemoEpisode>> =
         SCENES.filter_map(record).filter(|chains| !chains.is_empty()).collect();
@@ -60,7 +60,7 @@ fn main() {
     }
     // Ranker and policy are of no interest here, and the baseline has none.
     let run = Run {
-        task: task.name.to_owned(),
+        task: task.name.clone(),
         method: Method::C2fArm,
         poses: PoseSource::Learned,
         backend: Backend::Flex,

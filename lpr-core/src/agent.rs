@@ -227,8 +227,7 @@ impl Agent {
     /// Obstacles on the way to `goal`, as far as the cameras see.
     #[must_use]
     pub fn obstacles(&self, observation: &Observation, goal: &NextBestPose) -> Scene {
-        let holding =
-            if is_holding(&observation.proprio) { Held::Object } else { Held::Nothing };
+        let holding = if is_holding(&observation.proprio) { Held::Object } else { Held::Nothing };
         observed_obstacles(self.robot, observation, Some(&goal.pose), holding)
     }
 

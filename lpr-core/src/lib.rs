@@ -56,6 +56,8 @@ pub mod replay;
 pub mod rng;
 pub mod robot;
 pub mod scene;
+#[cfg(any(feature = "learn", feature = "sim"))]
+mod sealed;
 #[cfg(feature = "sim")]
 pub mod sim;
 pub mod toy;

@@ -25,7 +25,7 @@ pub use contents::Scene;
 pub use motion::MotionChecker;
 pub use obstacles::{
     CONTACT_DISTANCE, HELD_BOX, Held, ObstacleQuery, POINT_RADIUS, SELF_FILTER_INFLATION, VOXEL,
-    obstacle_scene, observed_obstacles,
+    observed_obstacles, obstacle_scene,
 };
 pub use primitive::{Face, Primitive};
 pub use proximity::Proximity;

@@ -319,7 +319,7 @@ pub(crate) mod tests {
         let agent = Agent::new(config.agent_settings(), &XARM7, Method::ShortestFree, networks);
         let task = Task::by_name(task).unwrap();
         let mut environment =
-            SimEnvironment::new(task, &XARM7, seed, &["front"], &config.simulator).unwrap();
+            SimEnvironment::new(&task, &XARM7, seed, &["front"], &config.simulator).unwrap();
         environment.set_timing(config.timing.clone());
         EpisodeFile::record(&agent, &mut environment, seed).unwrap()
     }

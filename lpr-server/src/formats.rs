@@ -9,6 +9,7 @@ use lpr_core::sim::tasks::{TASKS, Task, TaskSet};
 use lpr_core::sim::{Demonstration, World};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+use std::sync::Arc;
 use utoipa::ToSchema;
 
 /// How far the norm of a quaternion in a file may be from 1: it covers numbers with three decimals.
@@ -31,7 +32,7 @@ pub struct TaskRow {
     /// What the robot does in it.
     pub description: String,
     /// Names of its variations; none when there is only one.
-    pub variations: &'static [&'static str],
+    pub variations: &'static [String],
     /// Keyframes of a demonstration.
     pub keyframes: usize,
 }
@@ -40,18 +41,18 @@ impl TaskList {
     /// All tasks.
     #[must_use]
     pub fn all() -> Self {
-        let row = |task: &'static Task| TaskRow {
-            name: task.name,
+        let row = |task: &'static Arc<Task>| TaskRow {
+            name: &task.name,
             set: match task.set {
                 TaskSet::One => "1",
                 TaskSet::Two => "2",
                 TaskSet::Extra => "extra",
             },
             description: task.describe(0),
-            variations: task.variations,
+            variations: &task.variations,
             keyframes: task.keyframes,
         };
-        Self { tasks: TASKS.into_iter().map(row).collect() }
+        Self { tasks: TASKS.iter().map(row).collect() }
     }
 }
 

@@ -14,6 +14,7 @@ use lpr_core::sim::{Demonstration, SimEnvironment, SimParams, demonstrate};
 use rayon::prelude::*;
 use std::fmt::Write as _;
 use std::path::Path;
+use std::sync::Arc;
 
 const PICTURE: Size = Size { width: 320, height: 240 };
 const ANIMATION: Size = PICTURE;
@@ -49,7 +50,7 @@ pub enum GalleryError {
     File(#[from] FileError),
     /// A task that the demonstrator cannot do.
     #[error("no demonstration of {0} succeeds in scenes 0 to {last}", last = MAX_SEEDS - 1)]
-    NoDemonstration(&'static str),
+    NoDemonstration(String),
 }
 
 /// Draws `TASK.png` and `TASK.gif` of every task into `directory`; robots take turns.
@@ -60,7 +61,7 @@ pub enum GalleryError {
 pub fn draw(directory: &Path) -> Result<Vec<Entry>, GalleryError> {
     let rows: Vec<_> = TaskList::all().tasks;
     let robots = ROBOTS.into_iter().cycle();
-    let wanted: Vec<_> = TASKS.into_iter().zip(rows).zip(robots).collect();
+    let wanted: Vec<_> = TASKS.iter().zip(rows).zip(robots).collect();
     wanted
         .into_par_iter()
         .map(|((task, row), robot)| draw_task(directory, task, row, robot))
@@ -69,7 +70,7 @@ pub fn draw(directory: &Path) -> Result<Vec<Entry>, GalleryError> {
 
 fn draw_task(
     directory: &Path,
-    task: &'static Task,
+    task: &Arc<Task>,
     row: TaskRow,
     robot: &'static Robot,
 ) -> Result<Entry, GalleryError> {
@@ -90,7 +91,7 @@ fn draw_task(
 
 /// The first demonstration that succeeds, with the seed of its scene.
 fn demonstration(
-    task: &'static Task,
+    task: &Arc<Task>,
     robot: &'static Robot,
 ) -> Result<(u64, Demonstration), GalleryError> {
     for seed in 0..MAX_SEEDS {
@@ -101,7 +102,7 @@ fn demonstration(
             return Ok((seed, demo));
         }
     }
-    Err(GalleryError::NoDemonstration(task.name))
+    Err(GalleryError::NoDemonstration(task.name.clone()))
 }
 
 /// Where the hand looks when it has reached the second keyframe, which grasps or pushes, or the
@@ -168,7 +169,7 @@ mod tests {
         let rows = TaskList::all().tasks.into_iter().zip(0..);
         let entries: Vec<_> = rows.map(|(row, seed)| Entry { row, robot: "panda", seed }).collect();
         let page = page("shots", &entries);
-        for task in TASKS {
+        for task in TASKS.iter() {
             assert!(
                 page.contains(&format!("](shots/{}.png)", task.name))
                     && page.contains(&task.describe(0))
@@ -186,7 +187,7 @@ mod tests {
         let drawn = || {
             let directory = tempfile::tempdir().unwrap();
             let row = TaskList::all().tasks.remove(0);
-            let entry = draw_task(directory.path(), TASKS[0], row, ROBOTS[0]).unwrap();
+            let entry = draw_task(directory.path(), &TASKS[0], row, ROBOTS[0]).unwrap();
             assert_eq!((entry.robot, entry.seed), (ROBOTS[0].name, 0));
             ["png", "gif"].map(|extension| {
                 std::fs::read(directory.path().join(format!("{}.{extension}", TASKS[0].name)))

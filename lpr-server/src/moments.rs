@@ -57,7 +57,7 @@ mod tests {
     fn demonstration(task: &str) -> Demonstration {
         let task = Task::by_name(task).unwrap();
         let mut env =
-            SimEnvironment::new(task, &XARM7, 0, &["front"], &SimParams::STANDARD).unwrap();
+            SimEnvironment::new(&task, &XARM7, 0, &["front"], &SimParams::STANDARD).unwrap();
         demonstrate(&mut env, &mut stream(0, Stream::Demo, 0))
     }
 

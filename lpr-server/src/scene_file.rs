@@ -78,8 +78,9 @@ mod tests {
     use lpr_core::scene::Shape;
     use lpr_core::sim::tasks::{TASKS, Task};
     use serde_json::{Value, json};
+    use std::sync::Arc;
 
-    fn scene(task: &'static Task, robot: &'static Robot) -> SimEnvironment {
+    fn scene(task: &Arc<Task>, robot: &'static Robot) -> SimEnvironment {
         SimEnvironment::new(task, robot, 3, &["front"], &SimParams::STANDARD).unwrap()
     }
 
@@ -87,7 +88,7 @@ mod tests {
     fn every_scene_reads_back_and_starts_bit_for_bit_as_it_was() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.scene.json");
-        for (task, robot) in TASKS.into_iter().zip(ROBOTS.into_iter().cycle()) {
+        for (task, robot) in TASKS.iter().zip(ROBOTS.into_iter().cycle()) {
             let environment = scene(task, robot);
             let written = SceneFile::of(&environment);
             written.write(&path).unwrap();
@@ -106,7 +107,7 @@ mod tests {
     fn a_file_that_cannot_be_built_is_one_error_that_names_the_field() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.scene.json");
-        let good = SceneFile::of(&scene(TASKS[0], ROBOTS[0]));
+        let good = SceneFile::of(&scene(&TASKS[0], ROBOTS[0]));
         let refusal = |change: &dyn Fn(&mut Value)| {
             let mut broken = serde_json::to_value(&good).unwrap();
             change(&mut broken);

@@ -73,7 +73,7 @@ impl Demo {
             .map(|name| Camera::known_name(name))
             .collect::<Result<_>>()?;
         let mut environment =
-            SimEnvironment::new(task, agent.robot(), seed, &cameras, &header.config.simulator)?;
+            SimEnvironment::new(&task, agent.robot(), seed, &cameras, &header.config.simulator)?;
         environment.set_timing(header.config.timing.clone());
         Ok(Self { agent, environment, seed, step: 0, action: None, is_over: false })
     }
@@ -226,7 +226,7 @@ mod tests {
         };
         let task = Task::by_name(&run.task).unwrap();
         let environment =
-            SimEnvironment::new(task, &XARM7, SEED, &["front"], &config.simulator).unwrap();
+            SimEnvironment::new(&task, &XARM7, SEED, &["front"], &config.simulator).unwrap();
         Trainer::new(config, run, environment).unwrap().checkpoint().unwrap().weights
     }
 
@@ -240,7 +240,7 @@ mod tests {
             let SavedAgent { agent, header } = load_agent(&weights(poses)).unwrap();
             let task = Task::by_name(&header.run.task).unwrap();
             let mut environment =
-                SimEnvironment::new(task, agent.robot(), 0, &["front"], &header.config.simulator)
+                SimEnvironment::new(&task, agent.robot(), 0, &["front"], &header.config.simulator)
                     .unwrap();
             environment.set_timing(header.config.timing.clone());
             let recorded = record_episode(&agent, &mut environment, SEED).unwrap();

@@ -56,7 +56,7 @@ impl SceneView {
             .map(|(idx, (_, parts))| Item { name: format!("robot {idx}"), parts });
         let bounds = VoxelBounds::scene(environment.robot());
         Self {
-            task: environment.task().name.to_owned(),
+            task: environment.task().name.clone(),
             description: environment.task().describe(environment.variation()),
             robot: environment.robot().name,
             method: agent.method().name(),

@@ -193,7 +193,7 @@ fn a_newer_state_is_refused_by_its_version() {
     // The version stands after eight bytes of magic.
     state[8] = 2;
     victim.with("state.bin", &state, |victim| {
-        assert_eq!(victim.resume_refusal(), "/state.bin: version 2, this program reads up to 1");
+        assert_eq!(victim.resume_refusal(), "/state.bin: version: expected 1, found 2");
     });
 }
 

@@ -287,7 +287,7 @@ fn recorded_episode(directory: &Path) -> std::path::PathBuf {
     );
     let task = lpr_core::sim::tasks::Task::by_name("take_lid_off_saucepan").unwrap();
     let mut environment =
-        lpr_core::sim::SimEnvironment::new(task, robot, 1, &["front"], &config.simulator).unwrap();
+        lpr_core::sim::SimEnvironment::new(&task, robot, 1, &["front"], &config.simulator).unwrap();
     let episode = lpr_server::episode::EpisodeFile::record(&agent, &mut environment, 1001).unwrap();
     let path = directory.join("lid.episode.json.gz");
     episode.write(&path).unwrap();

@@ -1,10 +1,8 @@
-//! `state.bin`: what training needs beside the weights. Magic, version and digest, then the rest in
-//! `postcard`.
+//! `state.bin`: what training needs beside the weights, sealed, in `postcard`.
 //!
 //! Types of the core are converted to what is stored here, so that none of them has to be built
 //! from unchecked bytes.
 
-use crate::digest;
 use crate::error::{Error, Result};
 use crate::learner::{Learner, Row, Seen, UpdateCounts};
 use crate::networks::Networks;
@@ -18,17 +16,15 @@ use crate::replay::{
     Decision, Replay, ReplaySettings, ReplayState, Step, TransitionRow, join_steps, split_steps,
 };
 use crate::robot::{Gripper, JointConfig};
+use crate::sealed::Seal;
 use crate::train::{Choice, Episode, Progress, Taken, Trainer};
 
 use glamx::Pose3;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// The first bytes of the file.
-const MAGIC: &[u8; 8] = b"LPRSTATE";
-
-/// The layout that this program writes, and the newest that it reads.
-const VERSION: u32 = 1;
+/// The head of the file.
+const SEAL: Seal = Seal { magic: *b"LPRSTATE", version: 1, oldest: 1 };
 
 /// What training needs beside the weights.
 #[derive(Debug, Serialize, Deserialize)]
@@ -217,31 +213,11 @@ impl State {
 
     pub(super) fn to_bytes(&self) -> Result<Vec<u8>> {
         let payload = postcard::to_allocvec(self).map_err(|error| damaged(&error.to_string()))?;
-        let mut bytes = Vec::with_capacity(payload.len() + 20);
-        bytes.extend(MAGIC);
-        bytes.extend(VERSION.to_le_bytes());
-        bytes.extend(digest::of(&payload).to_le_bytes());
-        bytes.extend(payload);
-        Ok(bytes)
+        Ok(SEAL.seal(&payload))
     }
 
     pub(super) fn from_bytes(bytes: &[u8]) -> Result<Self> {
-        let Some(rest) = bytes.strip_prefix(MAGIC) else {
-            return Err(damaged("not a file of this program"));
-        };
-        let Some((version, rest)) = rest.split_first_chunk::<4>() else {
-            return Err(damaged("the file ends early"));
-        };
-        let version = u32::from_le_bytes(*version);
-        if version > VERSION {
-            return Err(damaged(&format!("version {version}, this program reads up to {VERSION}")));
-        }
-        let Some((expected, payload)) = rest.split_first_chunk::<8>() else {
-            return Err(damaged("the file ends early"));
-        };
-        if digest::of(payload) != u64::from_le_bytes(*expected) {
-            return Err(damaged("damaged or cut short: the digest does not fit the content"));
-        }
+        let payload = SEAL.open(bytes).map_err(|error| damaged(&error.to_string()))?;
         let (state, left) =
             postcard::take_from_bytes(payload).map_err(|error| damaged(&error.to_string()))?;
         if left.is_empty() {

@@ -143,7 +143,7 @@ fn what_does_not_belong_together_is_refused() {
         Toy::new(&XARM7),
     );
     assert!(message(elsewhere).contains("panda"));
-    assert!(message(resume(&weights, b"{\"version\": 1}")).contains("not a file of this program"));
+    assert!(message(resume(&weights, b"{\"version\": 1}")).contains("expected `LPRSTATE`"));
     assert!(message(resume(b"PK\x03\x04 and so on", &state)).contains("not a safetensors file"));
     let foreign = safetensors::serialize::<&str, safetensors::tensor::TensorView<'_>, _>([], None);
     assert!(foreign.is_ok_and(|foreign| {
@@ -155,7 +155,7 @@ fn what_does_not_belong_together_is_refused() {
 fn a_newer_version_is_named() {
     let Checkpoint { weights, mut state } = checkpoint();
     state[8] = 2;
-    assert!(message(resume(&weights, &state)).contains("version 2"));
+    assert!(message(resume(&weights, &state)).contains("version: expected 1, found 2"));
     let text = b"\nversion = 1\n";
     let at = weights.windows(text.len()).position(|window| window == text);
     // In the JSON of the header, line ends are escaped.

@@ -1,13 +1,13 @@
-//! Where a task stands: drawn until it fits on the table and the arm can do the demonstrator's
+//! Placement of a task: drawn until it fits on the table and the arm can do the demonstrator's
 //! waypoints.
 //!
 //! Reachability is a matter of kinematics alone: a placement is never judged by running the
 //! demonstration.
 
-use super::arm::link_parts;
-use super::demonstrator::{DemoPlan, plan_waypoints};
-use super::scene_spec::{BodyKind, BodySpec};
+use super::demo_plan::{DemoPlan, plan_waypoints};
+use super::scene::{BodyKind, BodySpec};
 use super::tasks::{Placement, Task, TaskScene};
+use super::world::{collider_pose, link_parts, shared_shape};
 use crate::error::{Error, Result};
 use crate::rng::{self, Rng, Stream};
 use crate::robot::Robot;
@@ -32,7 +32,7 @@ pub struct PlacedTask {
     pub scene: TaskScene,
     /// `world_from_task`.
     pub frame: Pose3,
-    /// What the demonstrator will do.
+    /// The demonstration that the arm can do there.
     pub plan: DemoPlan,
     /// Draws that were rejected before this one.
     pub rejected: Rejected,
@@ -76,6 +76,7 @@ pub fn place(
             rejected.at_the_arm += 1;
             continue;
         };
+        // A stream of its own: how often kinematics draws must not move the next placement.
         let mut ik_rng = rng::stream(seed, Stream::Ik, draw);
         if let Some(plan) = plan_waypoints(robot, &robot.start, &scene, &mut ik_rng) {
             return Ok(PlacedTask { scene, frame, plan, rejected });
@@ -101,7 +102,7 @@ fn draw_placement(
     let yaw = max_yaw * symmetric();
     let origin = robot.workspace_center + center + half_range * Vec2::new(symmetric(), symmetric());
     let world_from_task = Pose3::from_parts(origin.extend(0.0), Quat::from_rotation_z(yaw));
-    let mut scene = (task.build)(variation, rng).placed(&world_from_task);
+    let mut scene = task.scene(variation, rng).placed(&world_from_task);
     if touches_start(robot, &scene) {
         return (world_from_task, None);
     }
@@ -109,11 +110,10 @@ fn draw_placement(
     (world_from_task, Some(scene))
 }
 
-/// Whether a body that can be touched is at the arm in its start posture; bounding boxes decide.
+/// Tells if a body that can be touched is at the arm in its start posture; bounding boxes decide.
 fn touches_start(robot: &Robot, scene: &TaskScene) -> bool {
     let aabb = |pose: &Pose3, part: &Part| {
-        let shape = super::physics::shared_shape(&part.shape);
-        shape.compute_aabb(&(*pose * super::physics::collider_pose(part)))
+        shared_shape(&part.shape).compute_aabb(&(*pose * collider_pose(part)))
     };
     let frames = robot.link_frames(&robot.start);
     let arm: Vec<_> = frames

@@ -1,17 +1,17 @@
 //! Many environments that step together, over rayon's threads where there are any.
 
-use super::control::ControlAction;
-use super::env::SimEnvironment;
-use super::params::SimParams;
+use super::environment::{ControlAction, SimEnvironment};
 use super::tasks::Task;
+use super::world::SimParams;
 use crate::env::{Environment as _, StepResult};
 use crate::error::Result;
 use crate::path::JointPath;
 use crate::perception::Observation;
 use crate::robot::{Gripper, Robot};
 use core::ops::Range;
+use std::sync::Arc;
 
-/// What an agent does in one environment step.
+/// Action of one environment step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MacroAction {
     /// The path that the arm follows.
@@ -22,8 +22,8 @@ pub struct MacroAction {
 
 /// Environments of one task and robot, each in a scene of its own.
 ///
-/// Whatever is asked of all of them is answered in their order, with the same bits for any number
-/// of threads. Environments whose episode is over are reset when the caller says so:
+/// Every answer keeps the order of the environments and has the same bits for any number of
+/// threads. Environments whose episode is over are reset when the caller says so:
 /// [`Self::reset_where`].
 ///
 /// ```
@@ -32,7 +32,8 @@ pub struct MacroAction {
 /// use lpr_core::sim::{ControlAction, SimParams, VectorEnvironment};
 ///
 /// let task = Task::by_name("reach_target")?;
-/// let mut envs = VectorEnvironment::new(task, &XARM7, 100..104, &["front"], &SimParams::STANDARD)?;
+/// let params = &SimParams::STANDARD;
+/// let mut envs = VectorEnvironment::new(&task, &XARM7, 100..104, &["front"], params)?;
 /// for _ in 0..5 {
 ///     let observations = envs.observe();
 ///     let actions: Vec<_> = observations
@@ -44,7 +45,11 @@ pub struct MacroAction {
 ///         })
 ///         .collect();
 ///     let results = envs.control_step(&actions);
-///     let seeds: Vec<_> = results.iter().zip(200..).map(|(result, seed)| result.terminated.then_some(seed)).collect();
+///     let seeds: Vec<_> = results
+///         .iter()
+///         .zip(200..)
+///         .map(|(result, seed)| result.terminated.then_some(seed))
+///         .collect();
 ///     envs.reset_where(&seeds)?;
 /// }
 /// assert_eq!(envs.environments().len(), 4);
@@ -62,10 +67,10 @@ impl VectorEnvironment {
     ///
     /// As [`SimEnvironment::new`], of the first scene that fails.
     pub fn new(
-        task: &'static Task,
+        task: &Arc<Task>,
         robot: &'static Robot,
         seeds: Range<u64>,
-        cameras: &[&'static str],
+        cameras: &[&str],
         params: &SimParams,
     ) -> Result<Self> {
         let mut seeds: Vec<u64> = seeds.collect();
@@ -117,7 +122,7 @@ impl VectorEnvironment {
         .collect()
     }
 
-    /// What each environment's cameras and arm report now.
+    /// Observation of each environment now.
     #[must_use]
     pub fn observe(&mut self) -> Vec<Observation> {
         map_each(&mut self.environments, |_, env| env.observe())
@@ -170,7 +175,7 @@ impl VectorEnvironment {
     }
 }
 
-/// What `f` makes of every item and its index, in order, computed by any number of threads.
+/// Maps every item and its index by `f`, in order, on any number of threads.
 #[cfg(feature = "parallel")]
 fn map_each<T: Send, R: Send>(
     items: &mut [T],
@@ -182,7 +187,7 @@ fn map_each<T: Send, R: Send>(
     items.par_iter_mut().enumerate().map(|(idx, item)| f(idx, item)).collect()
 }
 
-/// What `f` makes of every item and its index, in order.
+/// Maps every item and its index by `f`, in order.
 #[cfg(not(feature = "parallel"))]
 fn map_each<T, R>(items: &mut [T], f: impl Fn(usize, &mut T) -> R) -> Vec<R> {
     items.iter_mut().enumerate().map(|(idx, item)| f(idx, item)).collect()
@@ -197,7 +202,7 @@ mod tests {
 
     fn environments() -> VectorEnvironment {
         let task = Task::by_name("pick_and_lift").unwrap();
-        VectorEnvironment::new(task, &XARM7, SCENES, &["front"], &SimParams::STANDARD).unwrap()
+        VectorEnvironment::new(&task, &XARM7, SCENES, &["front"], &SimParams::STANDARD).unwrap()
     }
 
     /// Every environment turns by another angle.

@@ -110,7 +110,7 @@ impl Row {
 fn environment(config: &Config) -> Result<SimEnvironment> {
     const SCENE: u64 = 1000;
     let task = Task::by_name("toilet_seat_up")?;
-    Ok(SimEnvironment::new(task, &XARM7, SCENE, &["front"], &config.simulator)?)
+    Ok(SimEnvironment::new(&task, &XARM7, SCENE, &["front"], &config.simulator)?)
 }
 
 /// An untrained agent of the preset `fast`: what it costs does not depend on its weights.

@@ -41,7 +41,7 @@ pub(super) struct Arguments {
 
 #[derive(Debug, Serialize)]
 pub(super) struct Report {
-    task: &'static str,
+    task: String,
     robot: &'static str,
     variation: usize,
     quantised: bool,
@@ -94,7 +94,7 @@ fn demonstrate_all(arguments: &Arguments, directory: Option<&Path>) -> Result<Re
         ..
     } = arguments;
     let mut report = Report {
-        task: task.name,
+        task: task.name.clone(),
         robot: robot.name,
         variation: arguments.variation,
         quantised: *quantised,

@@ -21,6 +21,7 @@ use lpr_core::train::default_cameras;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Name of the oracle among the methods.
 const BEST_OF_ALL: &str = "best-of-all";
@@ -97,7 +98,7 @@ pub(super) struct EvalReport {
 
 /// The simulator with a configuration's settings.
 pub(super) fn simulator(
-    task: &'static Task,
+    task: &Arc<Task>,
     robot: &'static Robot,
     cameras: &[String],
     config: &Config,
@@ -133,7 +134,7 @@ pub(super) fn evaluation_report(task: &str, method: &str, found: &Evaluation) ->
 pub(super) fn run(arguments: &Arguments) -> Result<EvalReport> {
     let seeds = scene_seeds(arguments)?;
     let Subject { agent, task, robot, cameras, config, method } = subject(arguments)?;
-    let mut environment = simulator(task, robot, &cameras, &config)?;
+    let mut environment = simulator(&task, robot, &cameras, &config)?;
     let best = method == BEST_OF_ALL;
     let found = match arguments.observations.shown() {
         Some(_) if agent.poses() == PoseSource::Oracle || best || arguments.regret => {
@@ -144,7 +145,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<EvalReport> {
         None if best => best_of_all(&agent, &mut environment, seeds.clone(), |_| {})?,
         None => evaluate(&agent, &mut environment, seeds.clone(), |_| {})?,
     };
-    let mut report = evaluation_report(task.name, &method, &found);
+    let mut report = evaluation_report(&task.name, &method, &found);
     report.observations = arguments.observations;
     if arguments.regret {
         report.regret = measure_regret(&agent, &mut environment, seeds)?.mean();
@@ -163,7 +164,7 @@ fn scene_seeds(arguments: &Arguments) -> Result<Range<u64>> {
 /// What is evaluated.
 struct Subject {
     agent: Agent,
-    task: &'static Task,
+    task: Arc<Task>,
     robot: &'static Robot,
     cameras: Vec<String>,
     config: Config,
@@ -178,7 +179,7 @@ fn subject(arguments: &Arguments) -> Result<Subject> {
             if subject.task.name == task.name {
                 Ok(subject)
             } else {
-                Err(foreign(run, "task", subject.task.name, task.name))
+                Err(foreign(run, "task", &subject.task.name, &task.name))
             }
         }
         None if arguments.oracle_poses => untrained(arguments),
@@ -215,7 +216,7 @@ fn foreign(run: &Path, option: &str, found: &str, asked: &str) -> Failure {
         .into()
 }
 
-fn task(name: &str) -> Result<&'static Task> {
+fn task(name: &str) -> Result<Arc<Task>> {
     Task::by_name(name).map_err(|error| Failure::Usage(error.to_string()))
 }
 

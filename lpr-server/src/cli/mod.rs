@@ -39,6 +39,7 @@ use std::ffi::OsString;
 use std::io::{self, Write as _};
 use std::net::SocketAddr;
 use std::process::ExitCode;
+use std::sync::Arc;
 use thiserror::Error;
 
 /// Exit status of arguments that are unknown, out of range or do not go together.
@@ -138,11 +139,11 @@ struct RobotArgument {
 }
 
 /// The argument that chooses the task.
-#[derive(Debug, Clone, Copy, Args)]
+#[derive(Debug, Clone, Args)]
 struct TaskArgument {
     /// The task, one of `lpr tasks`
     #[arg(value_name = "TASK", value_parser = Task::by_name)]
-    task: &'static Task,
+    task: Arc<Task>,
 }
 
 /// The default preset, for commands that look at scenes and candidates without a run.

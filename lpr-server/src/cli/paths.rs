@@ -15,6 +15,7 @@ use lpr_core::sim::tasks::Task;
 use lpr_core::sim::{SimEnvironment, SimParams};
 use serde::Serialize;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
@@ -93,7 +94,7 @@ pub(super) fn check_keyframe(task: &Task, keyframe: usize) -> Result<()> {
 
 #[derive(Debug, Serialize)]
 pub(super) struct Report {
-    task: &'static str,
+    task: String,
     robot: &'static str,
     episodes: u32,
     /// Scene seeds whose demonstration failed, so that they have no keyframes.
@@ -224,7 +225,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
         }
     }
     Ok(Report {
-        task: task.name,
+        task: task.name.clone(),
         robot: robot.name,
         episodes: *episodes,
         skipped_seeds,
@@ -288,7 +289,7 @@ impl Proposer {
     /// The snapshots of the demonstration in scene `seed`; none when it fails.
     fn snapshots(
         &self,
-        task: &'static Task,
+        task: &Arc<Task>,
         robot: &'static Robot,
         seed: u64,
     ) -> Option<Vec<KeyframeSnapshot>> {

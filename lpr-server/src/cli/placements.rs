@@ -36,7 +36,7 @@ pub(super) struct Arguments {
 
 #[derive(Debug, Serialize)]
 pub(super) struct Report {
-    task: &'static str,
+    task: String,
     robot: &'static str,
     scenes: u32,
     /// Scenes for which no draw was feasible.
@@ -96,7 +96,8 @@ impl Place {
 
 pub(super) fn run(arguments: &Arguments) -> Report {
     let Arguments { task: TaskArgument { task }, robot: RobotArgument { robot }, scenes, seed } =
-        *arguments;
+        arguments;
+    let (scenes, seed) = (*scenes, *seed);
     let placed = place_all(task, robot, seed, scenes);
     let reference = place_all(task, robot, REFERENCE_SEED, REFERENCE_FACTOR.saturating_mul(scenes));
     let (rejected, places): (Vec<_>, Vec<_>) = placed.iter().flatten().copied().unzip();
@@ -107,7 +108,7 @@ pub(super) fn run(arguments: &Arguments) -> Report {
     let least = places.iter().map(|place| place.at).reduce(Vec2::min).unwrap_or_default();
     let most = places.iter().map(|place| place.at).reduce(Vec2::max).unwrap_or_default();
     Report {
-        task: task.name,
+        task: task.name.clone(),
         robot: robot.name,
         scenes,
         unplaced: placed.iter().filter(|placed| placed.is_none()).count(),
@@ -121,7 +122,7 @@ pub(super) fn run(arguments: &Arguments) -> Report {
 
 /// For each scene, where it stands after which rejected draws; nothing when it cannot be placed.
 fn place_all(
-    task: &'static Task,
+    task: &Task,
     robot: &'static Robot,
     seed: u64,
     scenes: u32,

@@ -22,6 +22,7 @@ use lpr_core::sim::{Randomization, Sensing, SimEnvironment, SimParams, World, de
 use seen::{Legend, Show};
 use serde::Serialize;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Time between the pictures of an animation, milliseconds.
 const GIF_PERIOD_MS: u32 = 100;
@@ -37,7 +38,7 @@ const FAILURE_RGB: [u8; 3] = [215, 95, 95];
 pub(super) struct Arguments {
     /// The task, one of `lpr tasks`
     #[arg(value_name = "TASK", value_parser = Task::by_name, required_unless_present_any = ["episode", "scene"])]
-    task: Option<&'static Task>,
+    task: Option<Arc<Task>>,
     /// Draw a recorded episode as an animated GIF: the candidates of each step coloured by value,
     /// then what ran
     #[arg(long, value_name = "FILE", conflicts_with_all = ["task", "robot", "seed", "demo", "candidates", "keyframe"])]
@@ -148,7 +149,7 @@ fn start(arguments: &Arguments) -> Result<SimEnvironment> {
     if let Some(scene) = &arguments.scene {
         return Ok(SceneFile::read(scene)?.start()?);
     }
-    let Some(task) = arguments.task else {
+    let Some(task) = &arguments.task else {
         return Err(Failure::Usage("expected a task, --scene FILE or --episode FILE".to_owned()));
     };
     paths::check_keyframe(task, arguments.keyframe)?;

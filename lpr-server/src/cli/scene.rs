@@ -24,7 +24,7 @@ pub(super) struct Arguments {
 #[derive(Debug, Serialize)]
 pub(super) struct Report {
     file: PathBuf,
-    task: &'static str,
+    task: String,
     robot: &'static str,
     seed: u64,
     bodies: Vec<String>,
@@ -41,7 +41,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
     let joints = file.scene.joints.into_iter().map(|joint| joint.name).collect();
     Ok(Report {
         file: out.clone(),
-        task: task.name,
+        task: task.name.clone(),
         robot: robot.name,
         seed: *seed,
         bodies,

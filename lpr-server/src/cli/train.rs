@@ -19,6 +19,7 @@ use lpr_core::sim::tasks::Task;
 use serde::Serialize;
 use session::Session;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::{io, process, thread};
 
 /// Options of `lpr train`.
@@ -26,7 +27,7 @@ use std::{io, process, thread};
 pub(super) struct Arguments {
     /// The task; `lpr tasks` lists them
     #[arg(value_parser = Task::by_name)]
-    task: &'static Task,
+    task: Arc<Task>,
     /// Directory of the run, empty or absent unless --resume is given
     #[arg(long)]
     out: PathBuf,

@@ -1,7 +1,7 @@
 //! Paths of the baselines that rank nothing.
 
-use super::sampler::goal_configs;
 use super::query::{CandidateStreams, PathQuery};
+use super::sampler::goal_configs;
 use super::set::CandidatePath;
 use super::settings::CandidateSettings;
 use crate::path::curves::linear_path;

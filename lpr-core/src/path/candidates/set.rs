@@ -45,8 +45,7 @@ impl CandidateSet {
     /// Mean length of the candidates, radians; none without candidates.
     pub(super) fn mean_length(&self) -> Option<f32> {
         let lengths = self.candidates.iter().map(|candidate| candidate.path.length());
-        (!self.candidates.is_empty())
-            .then(|| lengths.sum::<f32>() / self.candidates.len() as f32)
+        (!self.candidates.is_empty()).then(|| lengths.sum::<f32>() / self.candidates.len() as f32)
     }
 
     /// Adds paths, but none that is already there.

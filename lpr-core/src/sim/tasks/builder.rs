@@ -1,12 +1,12 @@
 //! Shorthand for building scenes: lengths in metres, angles of waypoints in degrees as the
 //! published tables give them.
 
-use super::{Motion, TaskScene, Waypoint};
+use super::{Approach, TaskScene, Waypoint};
 use crate::q_attention::NextBestPose;
 use crate::rng::Rng;
 use crate::robot::Gripper;
 use crate::scene::{Part, Shape};
-use crate::sim::scene_spec::{BodyKind, BodySpec, Condition, JointSpec, SceneSpec};
+use crate::sim::scene::{BodyKind, BodySpec, Condition, JointSpec, SceneSpec};
 use core::f32::consts::{FRAC_PI_2, PI, TAU};
 use glamx::{Pose3, Quat, Vec2, Vec3};
 use rand::RngExt as _;
@@ -21,9 +21,10 @@ pub(super) struct SceneBuilder {
 }
 
 impl SceneBuilder {
-    pub(super) fn new(task: &str) -> Self {
+    /// An empty scene, whose task is named where its source is known: [`super::Task::scene`].
+    pub(super) const fn new() -> Self {
         let spec = SceneSpec {
-            task: task.to_owned(),
+            task: String::new(),
             bodies: Vec::new(),
             joints: Vec::new(),
             success: Vec::new(),
@@ -84,14 +85,19 @@ impl SceneBuilder {
         self.spec.joints.len() - 1
     }
 
-    pub(super) fn waypoint(&mut self, pose: Pose3, gripper: Gripper, motion: Motion) {
-        self.waypoints.push(Waypoint { goal: NextBestPose { pose, gripper }, motion });
+    pub(super) fn waypoint(&mut self, pose: Pose3, gripper: Gripper, approach: Approach) {
+        self.waypoints.push(Waypoint { goal: NextBestPose { pose, gripper }, approach });
     }
 
     pub(super) fn finish(mut self, success: Vec<Condition>) -> TaskScene {
         self.spec.success = success;
         TaskScene { spec: self.spec, waypoints: self.waypoints }
     }
+}
+
+/// Names of variations.
+pub(super) fn words<const N: usize>(words: [&str; N]) -> Vec<String> {
+    words.map(str::to_owned).into()
 }
 
 /// Places on the table that keep their distance from each other.
@@ -193,6 +199,8 @@ pub(super) fn ball(center: [f32; 3], radius: f32, rgb: [u8; 3]) -> Part {
 pub(super) fn tube(radius: f32, wall: f32, height: f32, rgb: [u8; 3]) -> Vec<Part> {
     /// Boxes of a tube.
     const SIDES: usize = 12;
+    // A side of the regular polygon around the circle in the middle of the wall: the sides meet
+    // there without a gap.
     let middle = radius - 0.5 * wall;
     let length = 2.0 * radius * libm::tanf(PI / SIDES as f32);
     let side = |idx: usize| {

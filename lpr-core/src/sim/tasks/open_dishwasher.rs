@@ -3,24 +3,30 @@
 //! paper did.
 
 use super::builder::{SceneBuilder, arc_about, cuboid, cylinder_y, grip_pose, turn_about};
-use super::{Motion, Placement, Task, TaskScene, TaskSet};
+use super::{Approach, Placement, SceneSource, Task, TaskScene, TaskSet};
 use crate::rng::Rng;
 use crate::robot::Gripper;
 use crate::scene::Part;
-use crate::sim::scene_spec::{BodyKind, Condition, JointKind, JointSpec};
+use crate::sim::scene::{BodyKind, Condition, JointKind, JointSpec};
 use core::f32::consts::FRAC_PI_2;
 use glamx::{Pose3, Vec2, Vec3};
 
 /// The task.
-pub(super) static OPEN_DISHWASHER: Task = Task {
-    name: "open_dishwasher",
-    set: TaskSet::Extra,
-    goal: "open the dishwasher",
-    variations: &[],
-    keyframes: 3,
-    placement: Placement { center: Vec2::new(0.15, 0.15), half_range: Vec2::ZERO, max_yaw: 0.0 },
-    build,
-};
+pub(super) fn open_dishwasher() -> Task {
+    Task {
+        name: "open_dishwasher".to_owned(),
+        set: TaskSet::Extra,
+        goal: "open the dishwasher".to_owned(),
+        variations: Vec::new(),
+        keyframes: 3,
+        placement: Placement {
+            center: Vec2::new(0.15, 0.15),
+            half_range: Vec2::ZERO,
+            max_yaw: 0.0,
+        },
+        scenes: SceneSource::Drawn(build),
+    }
+}
 
 /// Depth x, width y, height z; its front is towards -x, at the task frame.
 const BODY: [f32; 3] = [0.24, 0.30, 0.32];
@@ -50,7 +56,7 @@ const DOOR_RGB: [u8; 3] = [120, 168, 190];
 const METAL: [u8; 3] = [70, 74, 82];
 
 fn build(_: usize, _: &mut Rng) -> TaskScene {
-    let mut scene = SceneBuilder::new(OPEN_DISHWASHER.name);
+    let mut scene = SceneBuilder::new();
     let body = scene.body("dishwasher", BodyKind::Fixed, Vec3::ZERO, 0.0, body_parts());
     let door = scene.body("door", BodyKind::Dynamic, HINGE, DOOR_MASS, door_parts());
     let joint = scene.joint(JointSpec {
@@ -68,14 +74,14 @@ fn build(_: usize, _: &mut Rng) -> TaskScene {
     });
     let grasp = grip_pose(BAR, [-90.0 - HAND_PITCH, 0.0, -90.0]);
     let approach = grasp * Pose3::from_translation(Vec3::Z * -APPROACH);
-    scene.waypoint(approach, Gripper::Open, Motion::Free);
-    scene.waypoint(grasp, Gripper::Close, Motion::Linear);
+    scene.waypoint(approach, Gripper::Open, Approach::Free);
+    scene.waypoint(grasp, Gripper::Close, Approach::Linear);
     let bar = Vec3::from(BAR);
     let (end, arc) = arc_about(grasp, |share| {
         let turned = turn_about(HINGE, Vec3::NEG_Y, share * DEMONSTRATED);
         turned * turn_about(bar, Vec3::Y, share * (DEMONSTRATED - HAND_TURN))
     });
-    scene.waypoint(end, Gripper::Close, Motion::Through(arc));
+    scene.waypoint(end, Gripper::Close, Approach::Through(arc));
     scene.finish(vec![Condition::JointMoved { joint, min: OPEN }])
 }
 

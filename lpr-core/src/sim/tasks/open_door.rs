@@ -3,28 +3,30 @@
 use super::builder::{
     SceneBuilder, arc_about, cuboid, cylinder_x, cylinder_y, grip_pose, turn_about,
 };
-use super::{Motion, Placement, Task, TaskScene, TaskSet};
+use super::{Approach, Placement, SceneSource, Task, TaskScene, TaskSet};
 use crate::rng::Rng;
 use crate::robot::Gripper;
 use crate::scene::Part;
-use crate::sim::scene_spec::{BodyKind, Condition, JointKind, JointSpec, Latch};
+use crate::sim::scene::{BodyKind, Condition, JointKind, JointSpec, Latch};
 use core::f32::consts::{FRAC_PI_2, FRAC_PI_4};
 use glamx::{Pose3, Quat, Vec2, Vec3};
 
 /// The task.
-pub(super) static OPEN_DOOR: Task = Task {
-    name: "open_door",
-    set: TaskSet::Extra,
-    goal: "turn the lever and push the door open",
-    variations: &[],
-    keyframes: 4,
-    placement: Placement {
-        center: Vec2::new(0.05, 0.0),
-        half_range: Vec2::new(0.05, 0.10),
-        max_yaw: FRAC_PI_4,
-    },
-    build,
-};
+pub(super) fn open_door() -> Task {
+    Task {
+        name: "open_door".to_owned(),
+        set: TaskSet::Extra,
+        goal: "turn the lever and push the door open".to_owned(),
+        variations: Vec::new(),
+        keyframes: 4,
+        placement: Placement {
+            center: Vec2::new(0.05, 0.0),
+            half_range: Vec2::new(0.05, 0.10),
+            max_yaw: FRAC_PI_4,
+        },
+        scenes: SceneSource::Drawn(build),
+    }
+}
 
 /// Thickness x, width y, height z.
 const DOOR: [f32; 3] = [0.015, 0.39, 0.913];
@@ -42,7 +44,7 @@ const LEVER_RADIUS: f32 = 0.007;
 const LEVER_LENGTH: f32 = 0.11;
 const LEVER_MASS: f32 = 0.25;
 const LEVER_RANGE: f32 = 35_f32.to_radians();
-/// What turns the lever back, N·m/rad: its own weight turns it by a few degrees.
+/// Spring that turns the lever back, N·m/rad: its own weight turns it by a few degrees.
 const LEVER_SPRING: f32 = 3.0;
 /// Lever at which the latch lets go, and at which the demonstrator stops, radians.
 const UNLATCHED: f32 = 25_f32.to_radians();
@@ -60,7 +62,7 @@ const FRAME: [u8; 3] = [120, 96, 74];
 const BRASS: [u8; 3] = [190, 160, 84];
 
 fn build(_: usize, _: &mut Rng) -> TaskScene {
-    let mut scene = SceneBuilder::new(OPEN_DOOR.name);
+    let mut scene = SceneBuilder::new();
     let [thickness, width, height] = DOOR;
     let post = |y, height| cuboid([HINGE.x, y, 0.5 * height], [0.02, 0.02, height], FRAME);
     let posts = vec![post(HINGE.y - 0.012, height), post(HINGE.y + width + 0.012, STRIKE)];
@@ -100,14 +102,14 @@ fn build(_: usize, _: &mut Rng) -> TaskScene {
     let held = AXLE - Vec3::Y * HOLD;
     let grasp = grip_pose(held.to_array(), hand) * upright();
     let approach = grip_pose((held - Vec3::X * APPROACH).to_array(), hand) * upright();
-    scene.waypoint(approach, Gripper::Open, Motion::Free);
-    scene.waypoint(grasp, Gripper::Close, Motion::Linear);
+    scene.waypoint(approach, Gripper::Open, Approach::Free);
+    scene.waypoint(grasp, Gripper::Close, Approach::Linear);
     let (turned, arc) =
         arc_about(grasp, |share| turn_about(AXLE, Vec3::X, share * LEVER_DEMONSTRATED));
-    scene.waypoint(turned, Gripper::Close, Motion::Through(arc));
+    scene.waypoint(turned, Gripper::Close, Approach::Through(arc));
     let (end, arc) =
         arc_about(turned, |share| turn_about(HINGE, Vec3::NEG_Z, share * DEMONSTRATED));
-    scene.waypoint(end, Gripper::Close, Motion::Through(arc));
+    scene.waypoint(end, Gripper::Close, Approach::Through(arc));
     scene.finish(vec![Condition::JointMoved { joint: hinge, min: OPEN }])
 }
 

@@ -2,28 +2,30 @@
 //! with dimensions of our own.
 
 use super::builder::{SceneBuilder, cuboid, cylinder_y, grip_pose};
-use super::{Motion, Placement, Task, TaskScene, TaskSet};
+use super::{Approach, Placement, SceneSource, Task, TaskScene, TaskSet};
 use crate::rng::Rng;
 use crate::robot::Gripper;
 use crate::scene::Part;
-use crate::sim::scene_spec::{BodyKind, Condition, JointKind, JointSpec};
+use crate::sim::scene::{BodyKind, Condition, JointKind, JointSpec};
 use core::f32::consts::FRAC_PI_8;
 use glamx::{Vec2, Vec3};
 
 /// The task.
-pub(super) static OPEN_FILING_CABINET: Task = Task {
-    name: "open_filing_cabinet",
-    set: TaskSet::Extra,
-    goal: "open the upper drawer of the filing cabinet",
-    variations: &[],
-    keyframes: 3,
-    placement: Placement {
-        center: Vec2::new(0.17, 0.0),
-        half_range: Vec2::new(0.06, 0.15),
-        max_yaw: FRAC_PI_8,
-    },
-    build,
-};
+pub(super) fn open_filing_cabinet() -> Task {
+    Task {
+        name: "open_filing_cabinet".to_owned(),
+        set: TaskSet::Extra,
+        goal: "open the upper drawer of the filing cabinet".to_owned(),
+        variations: Vec::new(),
+        keyframes: 3,
+        placement: Placement {
+            center: Vec2::new(0.17, 0.0),
+            half_range: Vec2::new(0.06, 0.15),
+            max_yaw: FRAC_PI_8,
+        },
+        scenes: SceneSource::Drawn(build),
+    }
+}
 
 /// Depth x, width y, height z; its front is towards -x, at the task frame.
 const CABINET: [f32; 3] = [0.30, 0.26, 0.26];
@@ -52,7 +54,7 @@ const FRONT: [u8; 3] = [158, 166, 176];
 const METAL: [u8; 3] = [52, 54, 60];
 
 fn build(_: usize, _: &mut Rng) -> TaskScene {
-    let mut scene = SceneBuilder::new(OPEN_FILING_CABINET.name);
+    let mut scene = SceneBuilder::new();
     let cabinet = scene.body("cabinet", BodyKind::Fixed, Vec3::ZERO, 0.0, cabinet_parts());
     let slides = ["lower_drawer", "upper_drawer"].into_iter().zip(DRAWER_Z).map(|(name, z)| {
         let drawer = scene.body(
@@ -79,9 +81,9 @@ fn build(_: usize, _: &mut Rng) -> TaskScene {
     let joint = slides.last().expect("there are two drawers");
     // The hand looks along +x, its fingers above and below the bar.
     let pulled = |by: f32| grip_pose([-STAND_OFF - by, 0.0, DRAWER_Z[1]], [-90.0, 0.0, -90.0]);
-    scene.waypoint(pulled(APPROACH), Gripper::Open, Motion::Free);
-    scene.waypoint(pulled(0.0), Gripper::Close, Motion::Linear);
-    scene.waypoint(pulled(DEMONSTRATED), Gripper::Close, Motion::Linear);
+    scene.waypoint(pulled(APPROACH), Gripper::Open, Approach::Free);
+    scene.waypoint(pulled(0.0), Gripper::Close, Approach::Linear);
+    scene.waypoint(pulled(DEMONSTRATED), Gripper::Close, Approach::Linear);
     scene.finish(vec![Condition::JointMoved { joint, min: OPEN }])
 }
 

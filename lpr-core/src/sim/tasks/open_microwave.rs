@@ -1,28 +1,30 @@
 //! Open a microwave: a wide door with friction in its hinge, pulled around by an upright bar.
 
 use super::builder::{SceneBuilder, arc_about, cuboid, cylinder_z, grip_pose, turn_about};
-use super::{Motion, Placement, Task, TaskScene, TaskSet};
+use super::{Approach, Placement, SceneSource, Task, TaskScene, TaskSet};
 use crate::rng::Rng;
 use crate::robot::Gripper;
 use crate::scene::Part;
-use crate::sim::scene_spec::{BodyKind, Condition, JointKind, JointSpec};
+use crate::sim::scene::{BodyKind, Condition, JointKind, JointSpec};
 use core::f32::consts::{FRAC_PI_2, FRAC_PI_8};
 use glamx::{Vec2, Vec3};
 
 /// The task.
-pub(super) static OPEN_MICROWAVE: Task = Task {
-    name: "open_microwave",
-    set: TaskSet::Extra,
-    goal: "open the microwave",
-    variations: &[],
-    keyframes: 3,
-    placement: Placement {
-        center: Vec2::new(-0.03, 0.04),
-        half_range: Vec2::new(0.05, 0.05),
-        max_yaw: FRAC_PI_8,
-    },
-    build,
-};
+pub(super) fn open_microwave() -> Task {
+    Task {
+        name: "open_microwave".to_owned(),
+        set: TaskSet::Extra,
+        goal: "open the microwave".to_owned(),
+        variations: Vec::new(),
+        keyframes: 3,
+        placement: Placement {
+            center: Vec2::new(-0.03, 0.04),
+            half_range: Vec2::new(0.05, 0.05),
+            max_yaw: FRAC_PI_8,
+        },
+        scenes: SceneSource::Drawn(build),
+    }
+}
 
 /// Width x, depth y, height z of the body; its front is towards -y.
 const BODY: [f32; 3] = [0.57, 0.276, 0.314];
@@ -49,7 +51,7 @@ const PANEL: [u8; 3] = [96, 102, 112];
 const STEEL: [u8; 3] = [150, 156, 164];
 
 fn build(_: usize, _: &mut Rng) -> TaskScene {
-    let mut scene = SceneBuilder::new(OPEN_MICROWAVE.name);
+    let mut scene = SceneBuilder::new();
     let [width, depth, height] = BODY;
     let front = HINGE.y + 0.5 * DOOR[1] + 0.001;
     let controls_x = 0.5 * (HINGE.x + DOOR[0] + 0.5 * width);
@@ -79,11 +81,11 @@ fn build(_: usize, _: &mut Rng) -> TaskScene {
     scene.waypoint(
         grip_pose([BAR[0], BAR[1] - APPROACH, BAR[2]], hand),
         Gripper::Open,
-        Motion::Free,
+        Approach::Free,
     );
-    scene.waypoint(grasp, Gripper::Close, Motion::Linear);
+    scene.waypoint(grasp, Gripper::Close, Approach::Linear);
     let (end, arc) = arc_about(grasp, |share| turn_about(HINGE, Vec3::NEG_Z, share * DEMONSTRATED));
-    scene.waypoint(end, Gripper::Close, Motion::Through(arc));
+    scene.waypoint(end, Gripper::Close, Approach::Through(arc));
     scene.finish(vec![Condition::JointMoved { joint, min: OPEN }])
 }
 

@@ -1,24 +1,26 @@
 //! Put the handset of a telephone on its base.
 
 use super::builder::{SceneBuilder, cuboid, grip_pose};
-use super::{Motion, Placement, Task, TaskScene, TaskSet};
+use super::{Approach, Placement, SceneSource, Task, TaskScene, TaskSet};
 use crate::rng::Rng;
 use crate::robot::Gripper;
 use crate::scene::Part;
-use crate::sim::scene_spec::{BodyKind, Condition, Zone};
+use crate::sim::scene::{BodyKind, Condition, Zone};
 use core::f32::consts::PI;
 use glamx::{Pose3, Vec2, Vec3};
 
 /// The task.
-pub(super) static PHONE_ON_BASE: Task = Task {
-    name: "phone_on_base",
-    set: TaskSet::One,
-    goal: "put the phone on the base",
-    variations: &[],
-    keyframes: 5,
-    placement: Placement { center: Vec2::ZERO, half_range: Vec2::new(0.08, 0.10), max_yaw: PI },
-    build,
-};
+pub(super) fn phone_on_base() -> Task {
+    Task {
+        name: "phone_on_base".to_owned(),
+        set: TaskSet::One,
+        goal: "put the phone on the base".to_owned(),
+        variations: Vec::new(),
+        keyframes: 5,
+        placement: Placement { center: Vec2::ZERO, half_range: Vec2::new(0.08, 0.10), max_yaw: PI },
+        scenes: SceneSource::Drawn(build),
+    }
+}
 
 /// Base: length x, depth y, height z; its recess lies along x at `RECESS_Y`.
 const BASE: [f32; 3] = [0.282, 0.203, 0.05];
@@ -40,7 +42,7 @@ const BAKELITE: [u8; 3] = [52, 54, 60];
 const HANDSET_RGB: [u8; 3] = [196, 52, 44];
 
 fn build(_: usize, _: &mut Rng) -> TaskScene {
-    let mut scene = SceneBuilder::new(PHONE_ON_BASE.name);
+    let mut scene = SceneBuilder::new();
     let [length, depth, height] = BASE;
     let mut parts =
         vec![cuboid([0.0, 0.0, 0.5 * RECESS_FLOOR], [length, depth, RECESS_FLOOR], BAKELITE)];
@@ -60,11 +62,11 @@ fn build(_: usize, _: &mut Rng) -> TaskScene {
     // Held by the handle; let go a centimetre above the recess' floor.
     let grasp = HANDSET[2] - 0.012;
     let released = grasp + RECESS_FLOOR + 0.008;
-    scene.waypoint(down(HANDSET_AT.y, 0.12), Gripper::Open, Motion::Free);
-    scene.waypoint(down(HANDSET_AT.y, grasp), Gripper::Close, Motion::Linear);
-    scene.waypoint(down(HANDSET_AT.y, 0.16), Gripper::Close, Motion::Linear);
-    scene.waypoint(down(RECESS_Y, 0.16), Gripper::Close, Motion::Linear);
-    scene.waypoint(down(RECESS_Y, released), Gripper::Open, Motion::Linear);
+    scene.waypoint(down(HANDSET_AT.y, 0.12), Gripper::Open, Approach::Free);
+    scene.waypoint(down(HANDSET_AT.y, grasp), Gripper::Close, Approach::Linear);
+    scene.waypoint(down(HANDSET_AT.y, 0.16), Gripper::Close, Approach::Linear);
+    scene.waypoint(down(RECESS_Y, 0.16), Gripper::Close, Approach::Linear);
+    scene.waypoint(down(RECESS_Y, released), Gripper::Open, Approach::Linear);
     let place = Vec3::new(0.0, RECESS_Y, RECESS_FLOOR + 0.5 * HANDSET[2]);
     let zone = Zone::Cuboid { pose: Pose3::from_translation(place), half_extents: NEAR };
     scene.finish(vec![

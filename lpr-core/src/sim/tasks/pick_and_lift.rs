@@ -1,25 +1,27 @@
 //! Lift the cube of one colour among two others to a marker in the air.
 
-use super::builder::{SceneBuilder, Spots, cuboid, grip_pose, target_and_distractors};
-use super::{Motion, Placement, Task, TaskScene, TaskSet};
+use super::builder::{SceneBuilder, Spots, cuboid, grip_pose, target_and_distractors, words};
+use super::{Approach, Placement, SceneSource, Task, TaskScene, TaskSet};
 use crate::rng::Rng;
 use crate::robot::Gripper;
 use crate::scene::{Part, Shape};
-use crate::sim::scene_spec::{BodyKind, Condition, Zone};
+use crate::sim::scene::{BodyKind, Condition, Zone};
 use core::f32::consts::FRAC_PI_4;
 use glamx::{Pose3, Quat, Vec2, Vec3};
 use rand::RngExt as _;
 
 /// The task.
-pub(super) static PICK_AND_LIFT: Task = Task {
-    name: "pick_and_lift",
-    set: TaskSet::One,
-    goal: "lift the {} cube up to the target",
-    variations: &["red", "green", "blue", "yellow", "purple", "cyan"],
-    keyframes: 4,
-    placement: Placement { center: Vec2::ZERO, half_range: Vec2::ZERO, max_yaw: 0.0 },
-    build,
-};
+pub(super) fn pick_and_lift() -> Task {
+    Task {
+        name: "pick_and_lift".to_owned(),
+        set: TaskSet::One,
+        goal: "lift the {} cube up to the target".to_owned(),
+        variations: words(["red", "green", "blue", "yellow", "purple", "cyan"]),
+        keyframes: 4,
+        placement: Placement { center: Vec2::ZERO, half_range: Vec2::ZERO, max_yaw: 0.0 },
+        scenes: SceneSource::Drawn(build),
+    }
+}
 
 const SIDE: f32 = 0.05;
 const MASS: f32 = 0.125;
@@ -37,7 +39,7 @@ const COLORS: [[u8; 3]; 6] =
     [[215, 40, 36], [40, 160, 60], [40, 80, 210], [230, 200, 40], [150, 60, 180], [40, 180, 190]];
 
 fn build(variation: usize, rng: &mut Rng) -> TaskScene {
-    let mut scene = SceneBuilder::new(PICK_AND_LIFT.name);
+    let mut scene = SceneBuilder::new();
     let mut spots = Spots::new(REGION, MIN_DISTANCE);
     let colours = target_and_distractors(&COLORS, variation, rng);
     let mut cubes = Vec::new();
@@ -58,12 +60,12 @@ fn build(variation: usize, rng: &mut Rng) -> TaskScene {
         pose * Pose3::from_translation(Vec3::Z * (height - 0.5 * SIDE))
             * grip_pose([0.0; 3], [180.0, 0.0, 0.0])
     };
-    scene.waypoint(at(0.097), Gripper::Open, Motion::Free);
-    scene.waypoint(at(0.026), Gripper::Close, Motion::Linear);
-    scene.waypoint(at(0.097), Gripper::Close, Motion::Linear);
+    scene.waypoint(at(0.097), Gripper::Open, Approach::Free);
+    scene.waypoint(at(0.026), Gripper::Close, Approach::Linear);
+    scene.waypoint(at(0.097), Gripper::Close, Approach::Linear);
     let mut goal = at(0.0);
     goal.translation = marker;
-    scene.waypoint(goal, Gripper::Close, Motion::Linear);
+    scene.waypoint(goal, Gripper::Close, Approach::Linear);
     let zone =
         Zone::Cuboid { pose: Pose3::from_translation(marker), half_extents: Vec3::splat(REACH) };
     scene.finish(vec![

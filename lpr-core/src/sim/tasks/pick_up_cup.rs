@@ -1,23 +1,25 @@
 //! Pick up the cup of one colour by its rim.
 
-use super::builder::{SceneBuilder, Spots, cylinder_z, grip_pose, tube};
-use super::{Motion, Placement, Task, TaskScene, TaskSet};
+use super::builder::{SceneBuilder, Spots, cylinder_z, grip_pose, tube, words};
+use super::{Approach, Placement, SceneSource, Task, TaskScene, TaskSet};
 use crate::rng::Rng;
 use crate::robot::Gripper;
-use crate::sim::scene_spec::{Condition, Zone};
+use crate::sim::scene::{Condition, Zone};
 use glamx::{Pose3, Vec2, Vec3};
 use rand::RngExt as _;
 
 /// The task.
-pub(super) static PICK_UP_CUP: Task = Task {
-    name: "pick_up_cup",
-    set: TaskSet::One,
-    goal: "pick up the {} cup",
-    variations: &["red", "green", "blue", "yellow", "purple", "white"],
-    keyframes: 3,
-    placement: Placement { center: Vec2::ZERO, half_range: Vec2::ZERO, max_yaw: 0.0 },
-    build,
-};
+pub(super) fn pick_up_cup() -> Task {
+    Task {
+        name: "pick_up_cup".to_owned(),
+        set: TaskSet::One,
+        goal: "pick up the {} cup".to_owned(),
+        variations: words(["red", "green", "blue", "yellow", "purple", "white"]),
+        keyframes: 3,
+        placement: Placement { center: Vec2::ZERO, half_range: Vec2::ZERO, max_yaw: 0.0 },
+        scenes: SceneSource::Drawn(build),
+    }
+}
 
 const RADIUS: f32 = 0.0465;
 const HEIGHT: f32 = 0.147;
@@ -35,7 +37,7 @@ const COLORS: [[u8; 3]; 6] =
     [[215, 40, 36], [40, 160, 60], [40, 80, 210], [230, 200, 40], [150, 60, 180], [240, 240, 240]];
 
 fn build(variation: usize, rng: &mut Rng) -> TaskScene {
-    let mut scene = SceneBuilder::new(PICK_UP_CUP.name);
+    let mut scene = SceneBuilder::new();
     let mut spots = Spots::new(REGION, MIN_DISTANCE);
     let color = COLORS[variation];
     let others: Vec<_> = COLORS.into_iter().filter(|other| *other != color).collect();
@@ -48,9 +50,9 @@ fn build(variation: usize, rng: &mut Rng) -> TaskScene {
     });
     let (cup, at) = target;
     let down = |height: f32| grip_pose([at.x, at.y + RIM, height], [180.0, 0.0, 0.0]);
-    scene.waypoint(down(0.19), Gripper::Open, Motion::Free);
-    scene.waypoint(down(0.128), Gripper::Close, Motion::Linear);
-    scene.waypoint(down(0.379), Gripper::Close, Motion::Linear);
+    scene.waypoint(down(0.19), Gripper::Open, Approach::Free);
+    scene.waypoint(down(0.128), Gripper::Close, Approach::Linear);
+    scene.waypoint(down(0.379), Gripper::Close, Approach::Linear);
     let zone = Zone::Cuboid {
         pose: Pose3::from_translation(at),
         half_extents: Vec3::new(0.05, 0.05, 0.025),

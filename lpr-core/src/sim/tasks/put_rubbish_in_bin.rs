@@ -1,29 +1,31 @@
 //! Put the rubbish, not a tomato, into the bin.
 
 use super::builder::{SceneBuilder, ball, cuboid, grip_pose};
-use super::{Motion, Placement, Task, TaskScene, TaskSet};
+use super::{Approach, Placement, SceneSource, Task, TaskScene, TaskSet};
 use crate::rng::Rng;
 use crate::robot::Gripper;
 use crate::scene::Part;
-use crate::sim::scene_spec::{BodyKind, Condition, Zone};
+use crate::sim::scene::{BodyKind, Condition, Zone};
 use core::f32::consts::PI;
 use glamx::{Pose3, Vec2, Vec3};
 use rand::RngExt as _;
 
 /// The task.
-pub(super) static PUT_RUBBISH_IN_BIN: Task = Task {
-    name: "put_rubbish_in_bin",
-    set: TaskSet::One,
-    goal: "put the rubbish in the bin",
-    variations: &[],
-    keyframes: 4,
-    placement: Placement {
-        center: Vec2::new(-0.05, 0.10),
-        half_range: Vec2::new(0.06, 0.06),
-        max_yaw: PI,
-    },
-    build,
-};
+pub(super) fn put_rubbish_in_bin() -> Task {
+    Task {
+        name: "put_rubbish_in_bin".to_owned(),
+        set: TaskSet::One,
+        goal: "put the rubbish in the bin".to_owned(),
+        variations: Vec::new(),
+        keyframes: 4,
+        placement: Placement {
+            center: Vec2::new(-0.05, 0.10),
+            half_range: Vec2::new(0.06, 0.06),
+            max_yaw: PI,
+        },
+        scenes: SceneSource::Drawn(build),
+    }
+}
 
 /// Bin: side and height; its walls; where it stands.
 const BIN: [f32; 2] = [0.203, 0.19];
@@ -41,7 +43,7 @@ const PAPER: [u8; 3] = [222, 220, 205];
 const TOMATO: [u8; 3] = [200, 45, 35];
 
 fn build(_: usize, rng: &mut Rng) -> TaskScene {
-    let mut scene = SceneBuilder::new(PUT_RUBBISH_IN_BIN.name);
+    let mut scene = SceneBuilder::new();
     scene.body("bin", BodyKind::Fixed, BIN_AT, 0.0, bin_parts());
     let mut spots = SPOTS;
     spots.swap(0, rng.random_range(0..3));
@@ -60,10 +62,10 @@ fn build(_: usize, rng: &mut Rng) -> TaskScene {
         );
     }
     let down = [180.0, 0.0, 0.0];
-    scene.waypoint(grip_pose([x, y, 0.097], down), Gripper::Open, Motion::Free);
-    scene.waypoint(grip_pose([x, y, 0.020], down), Gripper::Close, Motion::Linear);
-    scene.waypoint(grip_pose([x, y, 0.251], down), Gripper::Close, Motion::Linear);
-    scene.waypoint(grip_pose([BIN_AT.x, BIN_AT.y, 0.253], down), Gripper::Open, Motion::Free);
+    scene.waypoint(grip_pose([x, y, 0.097], down), Gripper::Open, Approach::Free);
+    scene.waypoint(grip_pose([x, y, 0.020], down), Gripper::Close, Approach::Linear);
+    scene.waypoint(grip_pose([x, y, 0.251], down), Gripper::Close, Approach::Linear);
+    scene.waypoint(grip_pose([BIN_AT.x, BIN_AT.y, 0.253], down), Gripper::Open, Approach::Free);
     let zone = Zone::Cylinder { center: BIN_AT + Vec3::Z * 0.04, radius: 0.09, half_height: 0.04 };
     scene.finish(vec![Condition::BodyInZone { body: rubbish, point: Vec3::ZERO, zone }])
 }

@@ -1,24 +1,26 @@
 //! Reach the ball of one colour among two others.
 
-use super::builder::{SceneBuilder, grip_pose, target_and_distractors};
-use super::{Motion, Placement, Task, TaskScene, TaskSet};
+use super::builder::{SceneBuilder, grip_pose, target_and_distractors, words};
+use super::{Approach, Placement, SceneSource, Task, TaskScene, TaskSet};
 use crate::rng::Rng;
 use crate::robot::Gripper;
 use crate::scene::{Part, Shape};
-use crate::sim::scene_spec::{BodyKind, Condition, Zone};
+use crate::sim::scene::{BodyKind, Condition, Zone};
 use glamx::{Pose3, Vec2, Vec3};
 use rand::RngExt as _;
 
 /// The task.
-pub(super) static REACH_TARGET: Task = Task {
-    name: "reach_target",
-    set: TaskSet::One,
-    goal: "reach the {} target",
-    variations: &["red", "green", "blue", "yellow", "purple", "cyan", "white"],
-    keyframes: 1,
-    placement: Placement { center: Vec2::ZERO, half_range: Vec2::ZERO, max_yaw: 0.0 },
-    build,
-};
+pub(super) fn reach_target() -> Task {
+    Task {
+        name: "reach_target".to_owned(),
+        set: TaskSet::One,
+        goal: "reach the {} target".to_owned(),
+        variations: words(["red", "green", "blue", "yellow", "purple", "cyan", "white"]),
+        keyframes: 1,
+        placement: Placement { center: Vec2::ZERO, half_range: Vec2::ZERO, max_yaw: 0.0 },
+        scenes: SceneSource::Drawn(build),
+    }
+}
 
 const RADIUS: f32 = 0.025;
 /// Targets are uniform in this box on the table: x, y, z side lengths.
@@ -38,7 +40,7 @@ const COLORS: [[u8; 3]; 7] = [
 ];
 
 fn build(variation: usize, rng: &mut Rng) -> TaskScene {
-    let mut scene = SceneBuilder::new(REACH_TARGET.name);
+    let mut scene = SceneBuilder::new();
     let mut centers: Vec<Vec3> = Vec::new();
     while centers.len() < 3 {
         let center = Vec3::new(
@@ -58,7 +60,11 @@ fn build(variation: usize, rng: &mut Rng) -> TaskScene {
         scene.body(name, BodyKind::Visual, *center, 0.0, vec![ball]);
     }
     let target = centers[0];
-    scene.waypoint(grip_pose(target.to_array(), [180.0, 0.0, 180.0]), Gripper::Open, Motion::Free);
+    scene.waypoint(
+        grip_pose(target.to_array(), [180.0, 0.0, 180.0]),
+        Gripper::Open,
+        Approach::Free,
+    );
     let zone = Zone::Cylinder { center: target, radius: 0.05, half_height: 0.04 };
     scene.finish(vec![Condition::GripInZone { zone }])
 }

@@ -1,23 +1,25 @@
 //! Slide a block to a target on the table: pushed, never held.
 
 use super::builder::{SceneBuilder, cuboid, grip_pose};
-use super::{Motion, Placement, Task, TaskScene, TaskSet};
+use super::{Approach, Placement, SceneSource, Task, TaskScene, TaskSet};
 use crate::rng::Rng;
 use crate::robot::Gripper;
-use crate::sim::scene_spec::{BodyKind, Condition, Zone};
+use crate::sim::scene::{BodyKind, Condition, Zone};
 use core::f32::consts::PI;
 use glamx::{Pose3, Vec2, Vec3};
 
 /// The task.
-pub(super) static SLIDE_BLOCK_TO_TARGET: Task = Task {
-    name: "slide_block_to_target",
-    set: TaskSet::Extra,
-    goal: "slide the block to the target",
-    variations: &[],
-    keyframes: 2,
-    placement: Placement { center: Vec2::ZERO, half_range: Vec2::new(0.10, 0.15), max_yaw: PI },
-    build,
-};
+pub(super) fn slide_block_to_target() -> Task {
+    Task {
+        name: "slide_block_to_target".to_owned(),
+        set: TaskSet::Extra,
+        goal: "slide the block to the target".to_owned(),
+        variations: Vec::new(),
+        keyframes: 2,
+        placement: Placement { center: Vec2::ZERO, half_range: Vec2::new(0.10, 0.15), max_yaw: PI },
+        scenes: SceneSource::Drawn(build),
+    }
+}
 
 /// Side of the block and of the square that it belongs on.
 const SIDE: f32 = 0.0563;
@@ -35,7 +37,7 @@ const BLOCK_RGB: [u8; 3] = [200, 60, 50];
 const TARGET_RGB: [u8; 3] = [70, 150, 90];
 
 fn build(_: usize, _: &mut Rng) -> TaskScene {
-    let mut scene = SceneBuilder::new(SLIDE_BLOCK_TO_TARGET.name);
+    let mut scene = SceneBuilder::new();
     let [x, y] = TARGET_AT;
     let square = vec![cuboid([0.0; 3], [TARGET, TARGET, 0.001], TARGET_RGB)];
     scene.body("target", BodyKind::Visual, Vec3::new(x, y, 0.0005), 0.0, square);
@@ -48,12 +50,12 @@ fn build(_: usize, _: &mut Rng) -> TaskScene {
     scene.waypoint(
         grip_pose([block_x, block_y - 0.102, 0.027], hand),
         Gripper::Close,
-        Motion::Free,
+        Approach::Free,
     );
     scene.waypoint(
         grip_pose([x, y - 0.5 * SIDE - HAND, 0.027], hand),
         Gripper::Close,
-        Motion::Linear,
+        Approach::Linear,
     );
     let half_extents = Vec3::new(0.5 * (SIDE + SENSOR), 0.5 * (SIDE + SENSOR), SIDE);
     let zone = Zone::Cuboid { pose: Pose3::from_translation(Vec3::new(x, y, 0.0)), half_extents };

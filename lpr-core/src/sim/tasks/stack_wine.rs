@@ -1,28 +1,30 @@
 //! Put the bottle of wine on the rack.
 
 use super::builder::{SceneBuilder, cuboid, cylinder_y, cylinder_z, grip_pose};
-use super::{Motion, Placement, Task, TaskScene, TaskSet};
+use super::{Approach, Placement, SceneSource, Task, TaskScene, TaskSet};
 use crate::rng::Rng;
 use crate::robot::Gripper;
 use crate::scene::Part;
-use crate::sim::scene_spec::{BodyKind, Condition, Zone};
+use crate::sim::scene::{BodyKind, Condition, Zone};
 use core::f32::consts::{FRAC_PI_2, FRAC_PI_4};
 use glamx::{Pose3, Quat, Vec2, Vec3};
 
 /// The task.
-pub(super) static STACK_WINE: Task = Task {
-    name: "stack_wine",
-    set: TaskSet::One,
-    goal: "put the wine bottle on the rack",
-    variations: &[],
-    keyframes: 5,
-    placement: Placement {
-        center: Vec2::new(-0.08, -0.02),
-        half_range: Vec2::new(0.05, 0.05),
-        max_yaw: FRAC_PI_4,
-    },
-    build,
-};
+pub(super) fn stack_wine() -> Task {
+    Task {
+        name: "stack_wine".to_owned(),
+        set: TaskSet::One,
+        goal: "put the wine bottle on the rack".to_owned(),
+        variations: Vec::new(),
+        keyframes: 5,
+        placement: Placement {
+            center: Vec2::new(-0.08, -0.02),
+            half_range: Vec2::new(0.05, 0.05),
+            max_yaw: FRAC_PI_4,
+        },
+        scenes: SceneSource::Drawn(build),
+    }
+}
 
 /// Bottle: radius and length of its body and of its neck.
 const BODY: [f32; 2] = [0.030, 0.18];
@@ -45,7 +47,7 @@ const FOIL: [u8; 3] = [150, 40, 50];
 const WOOD: [u8; 3] = [172, 126, 82];
 
 fn build(_: usize, _: &mut Rng) -> TaskScene {
-    let mut scene = SceneBuilder::new(STACK_WINE.name);
+    let mut scene = SceneBuilder::new();
     scene.body("rack", BodyKind::Fixed, RACK_AT.extend(0.0), 0.0, rack_parts());
     let bottle =
         scene.graspable_body("bottle", Pose3::from_translation(BOTTLE_AT), MASS, bottle_parts());
@@ -55,19 +57,23 @@ fn build(_: usize, _: &mut Rng) -> TaskScene {
         grip_pose([0.0; 3], [0.0, 90.0, 0.0]).rotation,
     );
     let shifted = |by: Vec3| Pose3::from_translation(by) * grasp;
-    scene.waypoint(shifted(Vec3::X * -0.06), Gripper::Open, Motion::Free);
-    scene.waypoint(grasp, Gripper::Close, Motion::Linear);
-    scene.waypoint(shifted(Vec3::Z * 0.06), Gripper::Close, Motion::Linear);
+    scene.waypoint(shifted(Vec3::X * -0.06), Gripper::Open, Approach::Free);
+    scene.waypoint(grasp, Gripper::Close, Approach::Linear);
+    scene.waypoint(shifted(Vec3::Z * 0.06), Gripper::Close, Approach::Linear);
     // The bottle lies with its bottom towards +y.
     let lying = Quat::from_rotation_x(FRAC_PI_2);
     let middle = RACK_AT.extend(ROD_HEIGHT + LIES_ABOVE);
     let neck = middle - Vec3::Y * (HOLD - 0.5 * BODY[1]);
     let placed = Pose3::from_parts(neck, lying * grasp.rotation);
-    scene.waypoint(Pose3::from_translation(Vec3::Z * 0.06) * placed, Gripper::Close, Motion::Free);
+    scene.waypoint(
+        Pose3::from_translation(Vec3::Z * 0.06) * placed,
+        Gripper::Close,
+        Approach::Free,
+    );
     scene.waypoint(
         Pose3::from_translation(Vec3::Z * 0.006) * placed,
         Gripper::Open,
-        Motion::Linear,
+        Approach::Linear,
     );
     let zone = Zone::Cuboid {
         pose: Pose3::from_translation(middle),

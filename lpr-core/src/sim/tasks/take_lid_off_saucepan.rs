@@ -1,23 +1,25 @@
 //! Take the lid off a saucepan by its knob.
 
 use super::builder::{SceneBuilder, cuboid, cylinder_z, grip_pose};
-use super::{Motion, Placement, Task, TaskScene, TaskSet};
+use super::{Approach, Placement, SceneSource, Task, TaskScene, TaskSet};
 use crate::rng::Rng;
 use crate::robot::Gripper;
-use crate::sim::scene_spec::{BodyKind, Condition, Zone};
+use crate::sim::scene::{BodyKind, Condition, Zone};
 use core::f32::consts::PI;
 use glamx::{Pose3, Vec2, Vec3};
 
 /// The task.
-pub(super) static TAKE_LID_OFF_SAUCEPAN: Task = Task {
-    name: "take_lid_off_saucepan",
-    set: TaskSet::One,
-    goal: "take the lid off the saucepan",
-    variations: &[],
-    keyframes: 3,
-    placement: Placement { center: Vec2::ZERO, half_range: Vec2::new(0.14, 0.28), max_yaw: PI },
-    build,
-};
+pub(super) fn take_lid_off_saucepan() -> Task {
+    Task {
+        name: "take_lid_off_saucepan".to_owned(),
+        set: TaskSet::One,
+        goal: "take the lid off the saucepan".to_owned(),
+        variations: Vec::new(),
+        keyframes: 3,
+        placement: Placement { center: Vec2::ZERO, half_range: Vec2::new(0.14, 0.28), max_yaw: PI },
+        scenes: SceneSource::Drawn(build),
+    }
+}
 
 const PAN_RADIUS: f32 = 0.1145;
 /// Height of the pan's rim, where the lid's disc lies.
@@ -34,7 +36,7 @@ const LID_RGB: [u8; 3] = [190, 60, 50];
 const KNOB_RGB: [u8; 3] = [235, 200, 70];
 
 fn build(_: usize, _: &mut Rng) -> TaskScene {
-    let mut scene = SceneBuilder::new(TAKE_LID_OFF_SAUCEPAN.name);
+    let mut scene = SceneBuilder::new();
     scene.body(
         "saucepan",
         BodyKind::Fixed,
@@ -67,9 +69,9 @@ fn build(_: usize, _: &mut Rng) -> TaskScene {
     );
     // The pads' lower edge stays above the lid.
     let down = [180.0, 0.0, 0.0];
-    scene.waypoint(grip_pose([0.0, 0.0, 0.152], down), Gripper::Open, Motion::Free);
-    scene.waypoint(grip_pose([0.0, 0.0, 0.104], down), Gripper::Close, Motion::Linear);
-    scene.waypoint(grip_pose([0.0, 0.0, 0.222], down), Gripper::Close, Motion::Linear);
+    scene.waypoint(grip_pose([0.0, 0.0, 0.152], down), Gripper::Open, Approach::Free);
+    scene.waypoint(grip_pose([0.0, 0.0, 0.104], down), Gripper::Close, Approach::Linear);
+    scene.waypoint(grip_pose([0.0, 0.0, 0.222], down), Gripper::Close, Approach::Linear);
     let zone = Zone::Cuboid {
         pose: Pose3::from_translation(Vec3::new(0.0, 0.0, 0.216)),
         half_extents: Vec3::new(0.05, 0.05, 0.025),

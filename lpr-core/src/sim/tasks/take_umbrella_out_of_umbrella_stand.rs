@@ -1,24 +1,26 @@
 //! Take the umbrella out of its stand by the crook.
 
 use super::builder::{SceneBuilder, cuboid, cylinder_x, cylinder_z, grip_pose, tube};
-use super::{Motion, Placement, Task, TaskScene, TaskSet};
+use super::{Approach, Placement, SceneSource, Task, TaskScene, TaskSet};
 use crate::rng::Rng;
 use crate::robot::Gripper;
 use crate::scene::Part;
-use crate::sim::scene_spec::{BodyKind, Condition, Zone};
+use crate::sim::scene::{BodyKind, Condition, Zone};
 use core::f32::consts::PI;
 use glamx::{Pose3, Vec2, Vec3};
 
 /// The task.
-pub(super) static TAKE_UMBRELLA_OUT_OF_UMBRELLA_STAND: Task = Task {
-    name: "take_umbrella_out_of_umbrella_stand",
-    set: TaskSet::One,
-    goal: "take the umbrella out of the umbrella stand",
-    variations: &[],
-    keyframes: 3,
-    placement: Placement { center: Vec2::ZERO, half_range: Vec2::new(0.12, 0.22), max_yaw: PI },
-    build,
-};
+pub(super) fn take_umbrella_out_of_umbrella_stand() -> Task {
+    Task {
+        name: "take_umbrella_out_of_umbrella_stand".to_owned(),
+        set: TaskSet::One,
+        goal: "take the umbrella out of the umbrella stand".to_owned(),
+        variations: Vec::new(),
+        keyframes: 3,
+        placement: Placement { center: Vec2::ZERO, half_range: Vec2::new(0.12, 0.22), max_yaw: PI },
+        scenes: SceneSource::Drawn(build),
+    }
+}
 
 /// Stand: outer radius and height; its walls.
 const STAND_RADIUS: f32 = 0.0525;
@@ -37,7 +39,7 @@ const CLOTH: [u8; 3] = [40, 60, 130];
 const CROOK: [u8; 3] = [110, 70, 40];
 
 fn build(_: usize, _: &mut Rng) -> TaskScene {
-    let mut scene = SceneBuilder::new(TAKE_UMBRELLA_OUT_OF_UMBRELLA_STAND.name);
+    let mut scene = SceneBuilder::new();
     let mut stand = tube(STAND_RADIUS, WALL, STAND_HEIGHT, BRASS);
     stand.push(cylinder_z([0.0, 0.0, 0.5 * WALL], STAND_RADIUS, WALL, BRASS));
     scene.body("stand", BodyKind::Fixed, Vec3::ZERO, 0.0, stand);
@@ -46,9 +48,9 @@ fn build(_: usize, _: &mut Rng) -> TaskScene {
     // The crook's bar lies along x and is grasped from above.
     let grasp = [0.0, 0.0, CROOK_TOP - 0.012];
     let down = [180.0, 0.0, 0.0];
-    scene.waypoint(grip_pose([0.0, 0.0, CROOK_TOP + 0.045], down), Gripper::Open, Motion::Free);
-    scene.waypoint(grip_pose(grasp, down), Gripper::Close, Motion::Linear);
-    scene.waypoint(grip_pose([0.0, 0.0, 0.482], down), Gripper::Close, Motion::Linear);
+    scene.waypoint(grip_pose([0.0, 0.0, CROOK_TOP + 0.045], down), Gripper::Open, Approach::Free);
+    scene.waypoint(grip_pose(grasp, down), Gripper::Close, Approach::Linear);
+    scene.waypoint(grip_pose([0.0, 0.0, 0.482], down), Gripper::Close, Approach::Linear);
     let zone = Zone::Cuboid {
         pose: Pose3::from_translation(Vec3::Z * 0.08),
         half_extents: Vec3::new(0.04, 0.04, 0.12),

@@ -1,15 +1,19 @@
-//! What a world holds, follows and ends at.
+//! Worlds hold, follow and end where they should.
 
 use super::*;
 use crate::env::Environment as _;
 use crate::rng::{Stream, stream};
 use crate::robot::{PANDA, ROBOTS, XARM7};
+use crate::sim::demonstrating::{Demonstration, demonstrate};
+use crate::sim::environment::SimEnvironment;
+use crate::sim::placement::place;
 use crate::sim::tasks::{TASKS, Task};
-use crate::sim::{Demonstration, SimEnvironment, demonstrate};
+use glamx::Vec3;
 
 fn demonstration(task: &str, robot: &'static Robot, seed: u64) -> (SimEnvironment, Demonstration) {
     let task = Task::by_name(task).unwrap();
-    let mut env = SimEnvironment::new(task, robot, seed, &["front"], &SimParams::STANDARD).unwrap();
+    let mut env =
+        SimEnvironment::new(&task, robot, seed, &["front"], &SimParams::STANDARD).unwrap();
     let demo = demonstrate(&mut env, &mut stream(seed, Stream::Demo, 0));
     (env, demo)
 }
@@ -18,7 +22,7 @@ fn demonstration(task: &str, robot: &'static Robot, seed: u64) -> (SimEnvironmen
 fn demonstrations_do_every_task_with_both_robots() {
     for (task, robot) in TASKS.iter().flat_map(|task| ROBOTS.map(|robot| (task, robot))) {
         let failed: Vec<_> =
-            (0..5).filter(|seed| !demonstration(task.name, robot, *seed).1.success).collect();
+            (0..5).filter(|seed| !demonstration(&task.name, robot, *seed).1.success).collect();
         assert_eq!(failed, [0_u64; 0], "{} with {}", task.name, robot.name);
     }
 }
@@ -28,7 +32,7 @@ fn articulated_bodies_stay_on_their_joints() {
     /// Degrees: the light lever of a door gives way more than doors and drawers do.
     const LEVER: f32 = 1.3;
     for (task, robot) in TASKS.iter().flat_map(|task| ROBOTS.map(|robot| (task, robot))) {
-        let (_, demo) = demonstration(task.name, robot, 1);
+        let (_, demo) = demonstration(&task.name, robot, 1);
         for (frame, joint) in demo
             .frames
             .iter()
@@ -99,11 +103,11 @@ fn a_lever_that_is_let_go_returns() {
 fn friction_alone_holds_what_a_demonstrator_lifts() {
     let task = Task::by_name("pick_and_lift").unwrap();
     for robot in ROBOTS {
-        let env = SimEnvironment::new(task, robot, 1, &["front"], &SimParams::STANDARD).unwrap();
+        let env = SimEnvironment::new(&task, robot, 1, &["front"], &SimParams::STANDARD).unwrap();
         let mut env = env.with_friction_grasps().unwrap();
         let demo = demonstrate(&mut env, &mut stream(1, Stream::Demo, 0));
         assert!(
-            demo.success && env.world().holding() == Holding::Pinched,
+            demo.success && env.world().grasp() == Grasp::Pinched,
             "{}: {:?}",
             robot.name,
             demo.invalid
@@ -113,10 +117,8 @@ fn friction_alone_holds_what_a_demonstrator_lifts() {
 
 #[test]
 fn every_variation_can_be_placed_and_is_another_scene() {
-    for task in TASKS {
-        let scene = |variation| {
-            crate::sim::place(task, variation, &PANDA, 1).map(|placed| placed.scene.spec)
-        };
+    for task in TASKS.iter() {
+        let scene = |variation| place(task, variation, &PANDA, 1).map(|placed| placed.scene.spec);
         let first = scene(0).unwrap();
         for variation in 1..task.n_variations() {
             assert_ne!(scene(variation).unwrap(), first, "{}", task.describe(variation));
@@ -127,7 +129,7 @@ fn every_variation_can_be_placed_and_is_another_scene() {
             );
         }
         let error = scene(task.n_variations()).expect_err("one variation too many").to_string();
-        assert!(error.contains(task.name) && error.contains("no variation"), "{error}");
+        assert!(error.contains(&task.name) && error.contains("no variation"), "{error}");
     }
 }
 
@@ -137,11 +139,8 @@ fn an_attached_lid_does_not_slip() {
     let lid = demo.frames[0].spec().bodies.iter().position(|body| body.name == "lid").unwrap();
     let in_grip =
         |world: &World| world.robot().grip(world.config()).inverse() * world.body_pose(lid);
-    let held: Vec<_> = demo
-        .frames
-        .iter()
-        .filter(|frame| frame.holding() == Holding::Attached { body: lid })
-        .collect();
+    let held: Vec<_> =
+        demo.frames.iter().filter(|frame| frame.grasp() == Grasp::Attached { body: lid }).collect();
     assert!(held.len() > 5, "the lid was held for {} frames", held.len());
     for frame in &held {
         let slip = in_grip(frame).translation.distance(in_grip(held[0]).translation);
@@ -215,5 +214,5 @@ fn a_gripper_that_closes_on_air_holds_nothing() {
     for _ in 0..200 {
         world.step(&config).unwrap();
     }
-    assert_eq!((world.holding(), world.gripper_width()), (Holding::Nothing, 0.0));
+    assert_eq!((world.grasp(), world.gripper_width()), (Grasp::Nothing, 0.0));
 }

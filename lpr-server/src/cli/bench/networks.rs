@@ -60,7 +60,7 @@ fn fast_network(fast: &Config, mut env: SimEnvironment) -> Result<Vec<Row>> {
 /// One update of every network with the preset `fast`, replay included.
 fn update_fast(fast: &Config, env: &SimEnvironment) -> Result<Row> {
     let run = Run {
-        task: env.task().name.to_owned(),
+        task: env.task().name.clone(),
         method: lpr_core::agent::Method::Lpr,
         poses: PoseSource::Learned,
         backend: Backend::Flex,

@@ -108,7 +108,7 @@ fn planner() -> Result<[Row; 2]> {
     const SCENE: u64 = 1001;
     let config = default_preset();
     let mut env = SimEnvironment::new(
-        Task::by_name("open_box")?,
+        &Task::by_name("open_box")?,
         &XARM7,
         SCENE,
         &["front"],

@@ -56,7 +56,7 @@ fn render(config: &Config) -> Result<[Row; 2]> {
 
 fn busy_environment(config: &Config, robot: &'static Robot) -> Result<SimEnvironment> {
     let task = Task::by_name("stack_wine")?;
-    Ok(SimEnvironment::new(task, robot, SCENE, &["front"], &config.simulator)?)
+    Ok(SimEnvironment::new(&task, robot, SCENE, &["front"], &config.simulator)?)
 }
 
 /// Turns the arm to and fro.
@@ -84,7 +84,7 @@ fn control_step(config: &Config) -> Result<Row> {
 fn vector_control_step(config: &Config) -> Result<Row> {
     let task = Task::by_name("stack_wine")?;
     let scenes = SCENE..SCENE + ENVIRONMENTS as u64;
-    let start = VectorEnvironment::new(task, &XARM7, scenes, &["front"], &config.simulator)?;
+    let start = VectorEnvironment::new(&task, &XARM7, scenes, &["front"], &config.simulator)?;
     let (mut envs, mut n_steps) = (start.clone(), 0);
     let row = measure("vector_control_step_rgbd", || {
         if n_steps % AWAKE_STEPS == 0 {

@@ -3,7 +3,7 @@
 use clap::ValueEnum;
 use core::fmt;
 use lpr_core::sim::render::{Channel, NO_ITEM, value_color};
-use lpr_core::sim::{CameraRequest, Seen, SimEnvironment};
+use lpr_core::sim::{CameraRequest, MaskLabel, SimEnvironment};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -98,10 +98,10 @@ fn mask_picture(environment: &SimEnvironment, mask: &[u16]) -> (Vec<[u8; 3]>, Op
     mask.iter()
         .filter(|value| **value != NO_ITEM)
         .for_each(|value| *pixels.entry(*value).or_default() += 1);
-    let name = |value: u16| match environment.world().seen_in_mask(value) {
-        Some(Seen::Body { name, .. }) => name.to_owned(),
-        Some(Seen::Robot { part }) => part.to_owned(),
-        Some(Seen::Nothing) | None => "nothing".to_owned(),
+    let name = |value: u16| match MaskLabel::of(environment.world(), value) {
+        Some(MaskLabel::Body { name, .. }) => name.to_owned(),
+        Some(MaskLabel::Robot { part }) => part.to_owned(),
+        Some(MaskLabel::Nothing) | None => "nothing".to_owned(),
     };
     let row =
         |(value, pixels)| MaskRow { value, name: name(value), rgb: mask_color(value), pixels };

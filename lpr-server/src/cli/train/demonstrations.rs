@@ -117,7 +117,7 @@ fn of_file(
 
 /// Scene seed of a demonstration that `environment` can follow.
 fn scene_of(file: &DemoFile, environment: &SimEnvironment) -> Result<u64, String> {
-    let (task, robot) = (environment.task().name, environment.robot().name);
+    let (task, robot) = (&environment.task().name, environment.robot().name);
     let control_dt = environment.world().params().control_dt;
     let found_task = file.task.as_deref().unwrap_or("none");
     if found_task != task {

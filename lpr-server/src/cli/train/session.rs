@@ -71,14 +71,14 @@ impl<'a> Session<'a> {
             config.training.demonstrations = demos;
         }
         let run = Run {
-            task: arguments.task.name.to_owned(),
+            task: arguments.task.name.clone(),
             method: arguments.method,
             poses: if arguments.oracle_poses { PoseSource::Oracle } else { PoseSource::Learned },
             backend: arguments.backend,
             seed: arguments.seed,
             cameras: arguments.cameras.iter().map(|&name| name.to_owned()).collect(),
         };
-        let environment = simulator(arguments.task, arguments.robot.robot, &run.cameras, &config)?;
+        let environment = simulator(&arguments.task, arguments.robot.robot, &run.cameras, &config)?;
         files::refuse_non_empty(&arguments.out)?;
         let demos = match &arguments.demo_dir {
             Some(directory) => {
@@ -110,7 +110,7 @@ impl<'a> Session<'a> {
         let header = lpr_core::checkpoint::read_header(&checkpoint.weights).map_err(unusable)?;
         refuse_other_run(arguments, &header.run).map_err(unusable)?;
         let environment =
-            simulator(arguments.task, arguments.robot.robot, &header.run.cameras, &header.config)?;
+            simulator(&arguments.task, arguments.robot.robot, &header.run.cameras, &header.config)?;
         let trainer = Trainer::resume(&checkpoint, environment.clone()).map_err(unusable)?;
         run_directory::clean(&arguments.out)?;
         let metrics = MetricsWriter::resume(&arguments.out, step)?;
@@ -362,7 +362,7 @@ impl<'a> Session<'a> {
         let found = evaluate(self.trainer.agent(), &mut self.environment, TEST_SEEDS, |_| {})?;
         let progress = self.trainer.progress();
         let report = Report {
-            task: self.arguments.task.name.to_owned(),
+            task: self.arguments.task.name.clone(),
             method: self.trainer.run().method.name(),
             oracle_poses: self.trainer.run().poses == PoseSource::Oracle,
             seed: self.trainer.run().seed,
@@ -373,7 +373,7 @@ impl<'a> Session<'a> {
             stopped_by,
             demonstrations_only: self.demonstrations_only,
             eval: evaluation_report(
-                self.arguments.task.name,
+                &self.arguments.task.name,
                 self.trainer.run().method.name(),
                 &found,
             ),

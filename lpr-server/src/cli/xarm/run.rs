@@ -77,7 +77,7 @@ fn seconds(text: &str) -> Result<Duration, String> {
 /// What `lpr xarm run` reports.
 #[derive(Debug, Serialize)]
 pub(in super::super) struct Report {
-    task: &'static str,
+    task: String,
     robot: &'static str,
     scene_seed: u64,
     goal: GoalRow,
@@ -132,7 +132,8 @@ pub(in super::super) fn run(arguments: &Arguments) -> Result<Report> {
     let measured = link.measured()?;
     let task = Task::by_name(&header.run.task)
         .map_err(|error| FileError::content(run, error.to_string()))?;
-    let mut env = super::super::eval::simulator(task, &XARM7, &header.run.cameras, &header.config)?;
+    let mut env =
+        super::super::eval::simulator(&task, &XARM7, &header.run.cameras, &header.config)?;
     env.reset(*seed)?;
     let mut env = env.around(measured)?;
     let draws = Draws::greedy(CandidateStreams { seed: *seed, step: 0 });
@@ -156,7 +157,7 @@ pub(in super::super) fn run(arguments: &Arguments) -> Result<Report> {
         let interrupted = Signals::take()?.flag();
         execution = Some(link.execute(&path, &watchdogs, &interrupted)?);
     }
-    Ok(report(task, *seed, &action, &path, execution))
+    Ok(report(&task, *seed, &action, &path, execution))
 }
 
 /// Only the loopback interface, until there is a way to allow an arm.
@@ -216,7 +217,7 @@ fn report(
     let candidate = action.path().expect("its path was checked");
     let margins = path.margins();
     Report {
-        task: task.name,
+        task: task.name.clone(),
         robot: XARM7.name,
         scene_seed,
         goal: GoalRow {
