@@ -1,5 +1,7 @@
 //! How a training step departs from the path of highest value.
 
+use crate::check::setting;
+use crate::error::Result;
 use crate::rng::Rng;
 
 use rand::RngExt as _;
@@ -33,14 +35,23 @@ pub enum Exploration {
 }
 
 impl Exploration {
-    /// Whether its numbers are in their ranges.
-    pub(crate) fn is_valid(self) -> bool {
+    /// Checks the ranges of its numbers.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Config`](crate::Error::Config) naming the first that is out of its range.
+    pub fn check(self) -> Result<()> {
         match self {
-            Self::Greedy => true,
+            Self::Greedy => Ok(()),
             Self::Epsilon { first, last, .. } => {
-                [first, last].iter().all(|p| (0.0..=1.0).contains(p))
+                [("first", first), ("last", last)].into_iter().try_for_each(|(name, p)| {
+                    let name = format!("exploration.{name}");
+                    setting((0.0..=1.0).contains(&p), &name, "a probability, 0 to 1", p)
+                })
             }
-            Self::Softmax { temperature } => temperature > 0.0,
+            Self::Softmax { temperature } => {
+                setting(temperature > 0.0, "exploration.temperature", "above 0", temperature)
+            }
         }
     }
 

@@ -1,9 +1,11 @@
 //! Numbers of Algorithm 1 itself.
 
 use crate::agent::Exploration;
-use crate::error::{Error, Result};
+use crate::check::{in_table, setting};
+use crate::error::Result;
 use crate::q_attention::ActingNetwork;
 
+use core::fmt::Display;
 use serde::{Deserialize, Serialize};
 
 /// Settings of a run of Algorithm 1.
@@ -54,7 +56,7 @@ impl TrainSettings {
     ///
     /// # Errors
     ///
-    /// [`Error::Config`] naming the first setting that is out of its range.
+    /// [`Error::Config`](crate::Error::Config) naming the first setting that is out of its range.
     pub fn check(&self) -> Result<()> {
         let check = |holds, name: &str, expected: &str, found: &dyn Display| {
             setting(holds, &format!("training.{name}"), expected, found)
