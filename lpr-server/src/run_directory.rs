@@ -56,7 +56,9 @@ fn in_episodes(directory: &Path, name: &str) -> Result<PathBuf> {
     Ok(episodes.join(name))
 }
 
-/// Saves a checkpoint, whole or not at all, and deletes old ones.
+/// Saves a checkpoint, whole or not at all, and deletes old ones. It takes the place of another of
+/// the same environment step: a run may be interrupted between updates on demonstrations, which are
+/// no environment steps.
 ///
 /// # Errors
 ///
@@ -64,7 +66,11 @@ fn in_episodes(directory: &Path, name: &str) -> Result<PathBuf> {
 pub fn save(directory: &Path, env_step: u64, checkpoint: &Checkpoint) -> Result<()> {
     let path = checkpoint_path(directory, env_step);
     if path.exists() {
-        return Ok(());
+        let state = path.join(STATE);
+        if fs::read(&state).map_err(FileError::io("read", &state))? == checkpoint.state {
+            return Ok(());
+        }
+        set_aside(directory, &path)?;
     }
     files::write_directory_atomically(&path, |inside| {
         files::write_atomically(&inside.join(WEIGHTS), |file| file.write_all(&checkpoint.weights))?;
@@ -76,6 +82,13 @@ pub fn save(directory: &Path, env_step: u64, checkpoint: &Checkpoint) -> Result<
         fs::remove_dir_all(&old).map_err(FileError::io("delete", &old))?;
     }
     Ok(())
+}
+
+/// Removes a checkpoint that another one replaces, all at once.
+fn set_aside(directory: &Path, checkpoint: &Path) -> Result<()> {
+    let outdated = directory.join(CHECKPOINTS).join(format!(".outdated{}", files::PARTIAL));
+    fs::rename(checkpoint, &outdated).map_err(FileError::io("replace", checkpoint))?;
+    fs::remove_dir_all(&outdated).map_err(FileError::io("delete", &outdated))
 }
 
 /// Removes what a killed run left unfinished.

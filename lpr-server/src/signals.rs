@@ -1,15 +1,21 @@
-//! Being interrupted without dying of it: the arm has to be stopped first.
+//! Interrupts and terminations that do not end the program at once: an arm has to be stopped first,
+//! a run has to be saved.
 
-use std::io;
+use std::io::{self, Write as _};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::thread;
+use std::{process, thread};
 use tokio::runtime::{Builder, Runtime};
 #[cfg(unix)]
 use tokio::signal::unix::{Signal, SignalKind, signal};
 
-/// From now on an interrupt or a termination ends [`Self::wait`], not the program.
-pub(super) struct Signals {
+/// Exit status of a program that ended because of a signal, as shells know it of an interrupt.
+pub const INTERRUPTED: u8 = 130;
+
+/// The signals of the process. From now on an interrupt or a termination ends [`Self::wait`], not
+/// the program.
+#[derive(Debug)]
+pub struct Signals {
     runtime: Runtime,
     #[cfg(unix)]
     received: [Signal; 2],
@@ -21,7 +27,7 @@ impl Signals {
     /// # Errors
     ///
     /// When the operating system refuses.
-    pub(super) fn take() -> io::Result<Self> {
+    pub fn take() -> io::Result<Self> {
         let runtime = Builder::new_current_thread().enable_all().build()?;
         #[cfg(unix)]
         let received = {
@@ -36,10 +42,14 @@ impl Signals {
     }
 
     /// Waits for one.
+    pub fn wait(mut self) {
+        self.wait_for_next();
+    }
+
     #[cfg(unix)]
-    pub(super) fn wait(self) {
-        let [mut interrupt, mut terminate] = self.received;
-        self.runtime.block_on(async {
+    fn wait_for_next(&mut self) {
+        let Self { runtime, received: [interrupt, terminate] } = self;
+        runtime.block_on(async {
             tokio::select! {
                 _ = interrupt.recv() => {}
                 _ = terminate.recv() => {}
@@ -47,15 +57,15 @@ impl Signals {
         });
     }
 
-    /// Waits for one.
     #[cfg(not(unix))]
-    pub(super) fn wait(self) {
+    fn wait_for_next(&mut self) {
         // Without a handler there is nothing to wait for.
         let _ = self.runtime.block_on(tokio::signal::ctrl_c());
     }
 
-    /// What becomes true with the first one.
-    pub(super) fn flag(self) -> Arc<AtomicBool> {
+    /// A flag that becomes true with the first one.
+    #[must_use]
+    pub fn flag(self) -> Arc<AtomicBool> {
         let interrupted = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&interrupted);
         thread::spawn(move || {
@@ -64,4 +74,26 @@ impl Signals {
         });
         interrupted
     }
+
+    /// A flag that becomes true with the first one, for which standard error gets the line
+    /// `answer`. The second one ends the program with the status [`INTERRUPTED`].
+    #[must_use]
+    pub fn flag_then_exit(mut self, answer: &'static str) -> Arc<AtomicBool> {
+        let interrupted = Arc::new(AtomicBool::new(false));
+        let flag = Arc::clone(&interrupted);
+        thread::spawn(move || {
+            self.wait_for_next();
+            flag.store(true, Ordering::Relaxed);
+            // Nobody may be listening.
+            let _ = writeln!(io::stderr(), "{answer}");
+            self.wait_for_next();
+            exit_interrupted();
+        });
+        interrupted
+    }
+}
+
+#[expect(clippy::exit, reason = "the second signal asks not to wait for the end in good order")]
+fn exit_interrupted() {
+    process::exit(INTERRUPTED.into());
 }

@@ -17,5 +17,6 @@ mod runs;
 mod scenes;
 mod serve;
 mod server;
+mod signals;
 mod world_hash;
 mod xarm;

@@ -5,7 +5,8 @@ mod planning;
 mod resets;
 mod simulation;
 
-use super::{Failure, Result, default_preset};
+use super::failure::{Failure, Result};
+use super::settings::default_preset;
 use core::fmt;
 use lpr_core::agent::{Agent, Init, Method, Networks, PoseSource};
 use lpr_core::config::Config;

@@ -1,7 +1,8 @@
 //! `lpr eval`: greedy evaluation of a run, or of a method with the demonstrator's poses.
 
-use super::train::load_config;
-use super::{Failure, Result};
+use super::failure::{Failure, Result};
+use super::settings::load_config;
+use super::simulator::simulator;
 use crate::files::FileError;
 use crate::run_directory;
 use clap::{Args, ValueEnum};
@@ -13,9 +14,7 @@ use lpr_core::evaluate::{
     Evaluation, Shown, best_of_all, evaluate, evaluate_shown, measure_regret,
 };
 use lpr_core::nn::Backend;
-use lpr_core::perception::Camera;
 use lpr_core::robot::{ROBOTS, Robot};
-use lpr_core::sim::SimEnvironment;
 use lpr_core::sim::tasks::Task;
 use lpr_core::train::default_cameras;
 use serde::Serialize;
@@ -93,23 +92,6 @@ pub(super) struct EvalReport {
     steps: u64,
     #[serde(skip_serializing_if = "Option::is_none")]
     regret: Option<f64>,
-}
-
-/// The simulator with a configuration's settings.
-pub(super) fn simulator(
-    task: &'static Task,
-    robot: &'static Robot,
-    cameras: &[String],
-    config: &Config,
-) -> Result<SimEnvironment> {
-    /// Any scene: every episode is reset to its own.
-    const FIRST_SCENE: u64 = 1000;
-    let cameras: Vec<_> =
-        cameras.iter().map(|name| Camera::known_name(name)).collect::<Result<_, _>>()?;
-    let mut environment =
-        SimEnvironment::new(task, robot, FIRST_SCENE, &cameras, &config.simulator)?;
-    environment.set_timing(config.timing.clone());
-    Ok(environment)
 }
 
 /// The report of an evaluation.

@@ -1,6 +1,8 @@
 //! `lpr paths`: the candidate paths of a demonstration's keyframes, and what becomes of each.
 
-use super::{Failure, Result, RobotArgument, TaskArgument, default_preset, scene_seeds};
+use super::arguments::{RobotArgument, TaskArgument, scene_seeds};
+use super::failure::{Failure, Result};
+use super::settings::default_preset;
 use crate::run_directory;
 use core::fmt;
 use lpr_core::agent::{Agent, Draws, Goal};

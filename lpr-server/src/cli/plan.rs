@@ -1,7 +1,7 @@
 //! `lpr plan`: motion planning on a file of problems, with the time that each takes.
 
-use super::Result;
 use super::arm::{Arm, ArmArguments};
+use super::failure::Result;
 use crate::problems::{self, Problem};
 use core::fmt;
 use lpr_core::path::{

@@ -3,7 +3,10 @@
 
 mod seen;
 
-use super::{Failure, Result, RobotArgument, default_preset, paths};
+use super::arguments::RobotArgument;
+use super::failure::{Failure, Result};
+use super::paths;
+use super::settings::default_preset;
 use crate::animation;
 use crate::artist::{Artist, BEAUTY, Line, Size};
 use crate::episode::EpisodeFile;

@@ -1,6 +1,6 @@
 //! `lpr replay`: runs the chosen paths of an episode file again in the scene that it holds.
 
-use super::Result;
+use super::failure::Result;
 use crate::episode::{EpisodeFile, Replayed};
 use core::fmt;
 use serde::Serialize;

@@ -1,7 +1,8 @@
 //! Kinematics, curves, planner and timing.
 
-use super::{Row, default_preset, environment, measure};
-use crate::cli::Result;
+use super::{Row, environment, measure};
+use crate::cli::failure::Result;
+use crate::cli::settings::default_preset;
 use lpr_core::env::Environment as _;
 use lpr_core::glamx::{Pose3, Vec3};
 use lpr_core::path::{

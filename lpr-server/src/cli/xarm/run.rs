@@ -5,9 +5,9 @@
 //! no frame is sent that enables or moves anything.
 
 use super::super::{Failure, Result};
-use super::signals::Signals;
 use crate::files::FileError;
 use crate::run_directory;
+use crate::signals::Signals;
 use crate::xarm::Ports;
 use crate::xarm::executor::{Execution, Link, Watchdogs};
 use crate::xarm::safety::{CheckedPath, SafetyLimits, check_path};
@@ -138,7 +138,8 @@ pub(in super::super) fn run(arguments: &Arguments) -> Result<Report> {
     let measured = link.measured()?;
     let task = Task::by_name(&header.run.task)
         .map_err(|error| FileError::content(run, error.to_string()))?;
-    let mut env = super::super::eval::simulator(task, &XARM7, &header.run.cameras, &header.config)?;
+    let mut env =
+        crate::cli::simulator::simulator(task, &XARM7, &header.run.cameras, &header.config)?;
     env.reset(*seed)?;
     let mut env = around(&env, measured)?;
     let action = act(&agent, &mut env, *seed)?;
