@@ -202,7 +202,8 @@ fn path_length(configs: &[JointConfig]) -> f32 {
 }
 
 /// Which generator made a path.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case", const_into_str)]
 pub enum Source {
     /// `RRTConnect` to a sampled goal configuration (`m` in the paper).
     Planner,
@@ -220,13 +221,7 @@ impl Source {
     /// A fixed word for files and counting.
     #[must_use]
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::Planner => "planner",
-            Self::Bezier => "bezier",
-            Self::Policy => "policy",
-            Self::Linear => "linear",
-            Self::Screw => "screw",
-        }
+        self.into_str()
     }
 }
 
@@ -243,7 +238,8 @@ impl Source {
 /// assert_eq!(reason.name(), "curve_unreachable");
 /// assert!(matches!(reason, Rejection::CurveUnreachable { fraction } if fraction > 0.1 && fraction < 0.9));
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case", const_into_str)]
 pub enum Rejection {
     /// The goal pose has no solution within the joint limits.
     Unreachable,
@@ -280,19 +276,7 @@ impl Rejection {
     /// A fixed word for files and counting.
     #[must_use]
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::Unreachable => "unreachable",
-            Self::CurveUnreachable { .. } => "curve_unreachable",
-            Self::BranchJump { .. } => "branch_jump",
-            Self::StartCollides => "start_collides",
-            Self::GoalCollides => "goal_collides",
-            Self::IterationLimit => "iteration_limit",
-            Self::Stopped => "stopped",
-            Self::OptimizationFailed => "optimization_failed",
-            Self::TooFewGoals => "too_few_goals",
-            Self::LongerThanMean => "longer_than_mean",
-            Self::OutsideLimits => "outside_limits",
-        }
+        self.into_str()
     }
 }
 

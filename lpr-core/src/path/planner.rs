@@ -19,7 +19,20 @@ use serde::{Deserialize, Serialize};
 /// assert_eq!(named("sbl"), Some(PlannerKind::Sbl));
 /// assert_eq!((named("prm"), PlannerKind::default()), (None, PlannerKind::RrtConnect));
 /// ```
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    Default,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Serialize,
+    Deserialize,
+    strum::IntoStaticStr,
+)]
+#[strum(serialize_all = "kebab-case", const_into_str)]
 pub enum PlannerKind {
     /// [`rrt_connect`], the paper's.
     #[default]
@@ -33,6 +46,7 @@ pub enum PlannerKind {
     Kpiece,
     /// [`trajopt`].
     #[serde(rename = "trajopt")]
+    #[strum(serialize = "trajopt")]
     TrajOpt,
     /// [`stomp`].
     #[serde(rename = "stomp")]
@@ -47,13 +61,7 @@ impl PlannerKind {
     /// A fixed word for files, the command line and counting.
     #[must_use]
     pub const fn name(self) -> &'static str {
-        match self {
-            Self::RrtConnect => "rrt-connect",
-            Self::Sbl => "sbl",
-            Self::Kpiece => "kpiece",
-            Self::TrajOpt => "trajopt",
-            Self::Stomp => "stomp",
-        }
+        self.into_str()
     }
 
     /// Whether it is `RRTConnect`, which settings files need not name.
