@@ -140,7 +140,7 @@ pub fn latest_agent(directory: &Path) -> Result<SavedAgent> {
     load_agent(&checkpoint.weights).map_err(|error| unusable(directory, step, &error))
 }
 
-/// What is wrong with the checkpoint of `env_step`, with the file at fault.
+/// The fault of the checkpoint of `env_step`, with the file that has it.
 #[must_use]
 pub fn unusable(directory: &Path, env_step: u64, error: &Error) -> FileError {
     let checkpoint = checkpoint_path(directory, env_step);

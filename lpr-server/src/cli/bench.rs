@@ -29,7 +29,7 @@ const SECONDS: f64 = 1.0;
 
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
-    /// What to measure
+    /// The measurements
     #[arg(value_enum, value_name = "WHAT")]
     subject: Subject,
     /// Threads [default: those of the machine]

@@ -63,7 +63,7 @@ struct FailedEpisode {
     /// On the way to which it failed, counted from 0; none when it could not begin.
     keyframe: Option<usize>,
     reason: &'static str,
-    /// What happened, with bodies and forces.
+    /// Events with their bodies and forces.
     message: Option<String>,
 }
 

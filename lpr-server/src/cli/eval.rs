@@ -47,7 +47,7 @@ pub(super) struct Arguments {
     /// The arm: xarm7 or panda [default: that of the run, else xarm7]
     #[arg(long, value_name = "NAME", value_parser = Robot::by_name)]
     robot: Option<&'static Robot>,
-    /// What the choice of poses looks at: what the cameras see, an image without points, or the
+    /// Input of the choice of poses: the cameras' images (own), an image without points, or the
     /// start of another scene
     #[arg(long, value_enum, default_value_t = Observations::Own)]
     observations: Observations,
@@ -56,7 +56,7 @@ pub(super) struct Arguments {
     regret: bool,
 }
 
-/// What the choice of poses looks at; the other two are ablations that an agent which uses its eyes
+/// Input of the choice of poses; the last two are ablations that an agent which uses its eyes
 /// must fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -76,7 +76,7 @@ impl Observations {
     }
 }
 
-/// What `lpr eval` reports.
+/// The report of `lpr eval`.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct EvalReport {
     task: String,
@@ -142,7 +142,7 @@ fn scene_seeds(arguments: &Arguments) -> Result<Range<u64>> {
     Ok(*seed..end.ok_or_else(too_large)?)
 }
 
-/// What is evaluated.
+/// The agent that is evaluated, and its world.
 struct Subject {
     agent: Agent,
     task: &'static Task,

@@ -385,7 +385,7 @@ impl Drawn {
         self.executed.as_ref().map(|executed| is(executed.trials.iter().any(|trial| trial.success)))
     }
 
-    /// Whether the shortest free candidate succeeded; where none is free that is a failure.
+    /// Success of the shortest free candidate; where none is free that is a failure.
     fn shortest_free(&self) -> Option<f64> {
         let executed = self.executed.as_ref()?;
         let shortest = self.set.shortest_free();

@@ -220,7 +220,7 @@ impl Query {
     }
 }
 
-/// What `run` gives, and the least time it took, microseconds.
+/// The result of `run`, and the least time it took, microseconds.
 fn least_micros<T>(repeats: u32, mut run: impl FnMut() -> T) -> (T, f64) {
     let mut timed = || {
         let start = Instant::now();

@@ -70,7 +70,7 @@ pub(super) struct Arguments {
     /// End at once when standard input closes: whoever started the run is gone
     #[arg(long, hide = true)]
     until_stdin_closes: bool,
-    /// What computes the networks: flex, or ndarray where the program was built with it
+    /// Backend of the networks: flex, or ndarray where the program was built with it
     #[arg(long, value_parser = Backend::by_name, default_value = "flex")]
     backend: Backend,
 }

@@ -103,7 +103,7 @@ fn bezier() -> Result<Row> {
     }))
 }
 
-/// What a depth image saw made into obstacles, and 20 planner paths around them, all with collision
+/// A depth image made into obstacles, and 20 planner paths around them, all with collision
 /// checking. Half of the straight motions to the 20 goals hit something.
 fn planner() -> Result<[Row; 2]> {
     const SCENE: u64 = 1001;

@@ -52,7 +52,7 @@ pub(super) struct Session<'a> {
     interruption: Interruption,
 }
 
-/// What a session needs of a run that was made or found.
+/// The parts of a run that was made or found.
 struct Parts {
     trainer: Trainer<SimEnvironment>,
     environment: SimEnvironment,
@@ -131,7 +131,7 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// What the validations before the checkpoint found: it decides when to stop, and the first is
+    /// Results of the validations before the checkpoint: they decide when to stop, and the first is
     /// reported.
     fn recall_validations(&mut self) -> Result<()> {
         let episodes = metrics::history(&self.arguments.out, "validation/episodes")?;
@@ -171,7 +171,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Says before it starts what a large network will cost.
+    /// Warns of a large network before it starts.
     fn warn_if_slow(&mut self) {
         let observation = self.environment.observe();
         let agent = self.trainer.agent();
@@ -219,7 +219,7 @@ impl<'a> Session<'a> {
         self.save()
     }
 
-    /// Trains until something stops it; says what.
+    /// Trains until something stops it, whose name is returned.
     pub(super) fn train(&mut self) -> Result<&'static str> {
         self.bar.enter_training();
         self.bar.say(&format!("{}: {}", Phase::Training, end_of_training(self.arguments)));
@@ -404,7 +404,7 @@ fn new_bar(arguments: &Arguments) -> Bar {
     Bar::new(Limits { env_steps: arguments.env_steps, seconds: 60.0 * arguments.minutes })
 }
 
-/// What ends training, in words.
+/// The ends of training, in words.
 fn end_of_training(arguments: &Arguments) -> String {
     let steps = arguments.env_steps.map(|steps| format!("{steps} environment steps"));
     let successes = arguments.stop_after_successes.map(|most| format!("{most} successes in a row"));
