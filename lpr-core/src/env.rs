@@ -43,7 +43,7 @@ pub trait Environment {
 /// assert_eq!(reason.to_string(), "joint 1 exceeded its velocity limit", "for reading");
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, strum::IntoStaticStr)]
-#[strum(serialize_all = "snake_case", const_into_str)]
+#[strum(serialize_all = "snake_case")]
 pub enum InvalidAction {
     /// A link was pushed into a fixed body.
     Collision {
@@ -81,7 +81,7 @@ impl InvalidAction {
     /// A fixed word for counting reasons.
     #[must_use]
     pub fn name(&self) -> &'static str {
-        self.into_str()
+        self.into()
     }
 }
 

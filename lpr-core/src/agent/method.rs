@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// A method of choosing paths to next-best poses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, strum::IntoStaticStr)]
-#[strum(serialize_all = "kebab-case", const_into_str)]
+#[strum(serialize_all = "kebab-case")]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
     /// Planner, Bézier and policy paths, ranked by learned values: the paper's.
@@ -39,8 +39,8 @@ impl Method {
 
     /// Name on the command line.
     #[must_use]
-    pub const fn name(self) -> &'static str {
-        self.into_str()
+    pub fn name(self) -> &'static str {
+        self.into()
     }
 
     /// The method of that name.

@@ -203,7 +203,7 @@ fn path_length(configs: &[JointConfig]) -> f32 {
 
 /// Which generator made a path.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, strum::IntoStaticStr)]
-#[strum(serialize_all = "snake_case", const_into_str)]
+#[strum(serialize_all = "snake_case")]
 pub enum Source {
     /// `RRTConnect` to a sampled goal configuration (`m` in the paper).
     Planner,
@@ -220,8 +220,8 @@ pub enum Source {
 impl Source {
     /// A fixed word for files and counting.
     #[must_use]
-    pub const fn name(self) -> &'static str {
-        self.into_str()
+    pub fn name(self) -> &'static str {
+        self.into()
     }
 }
 
@@ -239,7 +239,7 @@ impl Source {
 /// assert!(matches!(reason, Rejection::CurveUnreachable { fraction } if fraction > 0.1 && fraction < 0.9));
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, strum::IntoStaticStr)]
-#[strum(serialize_all = "snake_case", const_into_str)]
+#[strum(serialize_all = "snake_case")]
 pub enum Rejection {
     /// The goal pose has no solution within the joint limits.
     Unreachable,
@@ -275,8 +275,8 @@ pub enum Rejection {
 impl Rejection {
     /// A fixed word for files and counting.
     #[must_use]
-    pub const fn name(self) -> &'static str {
-        self.into_str()
+    pub fn name(self) -> &'static str {
+        self.into()
     }
 }
 

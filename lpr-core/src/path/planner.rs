@@ -32,7 +32,7 @@ use serde::{Deserialize, Serialize};
     Deserialize,
     strum::IntoStaticStr,
 )]
-#[strum(serialize_all = "kebab-case", const_into_str)]
+#[strum(serialize_all = "kebab-case")]
 pub enum PlannerKind {
     /// [`rrt_connect`], the paper's.
     #[default]
@@ -60,8 +60,8 @@ impl PlannerKind {
 
     /// A fixed word for files, the command line and counting.
     #[must_use]
-    pub const fn name(self) -> &'static str {
-        self.into_str()
+    pub fn name(self) -> &'static str {
+        self.into()
     }
 
     /// Whether it is `RRTConnect`, which settings files need not name.

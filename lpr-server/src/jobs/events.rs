@@ -8,7 +8,7 @@ use sqlx::{Row as _, SqliteConnection, query, query_scalar};
 
 /// What an event tells.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, strum::IntoStaticStr)]
-#[strum(serialize_all = "snake_case", const_into_str)]
+#[strum(serialize_all = "snake_case")]
 pub enum EventKind {
     /// The job came to a state.
     State,
@@ -23,8 +23,8 @@ pub enum EventKind {
 impl EventKind {
     /// Its name in streams and in the database.
     #[must_use]
-    pub const fn name(self) -> &'static str {
-        self.into_str()
+    pub fn name(self) -> &'static str {
+        self.into()
     }
 }
 

@@ -259,7 +259,7 @@ impl<'a> Session<'a> {
     }
 
     /// Ends the run in good order when a signal has asked for that.
-    fn stop_if_interrupted(&mut self) -> Result<()> {
+    fn stop_if_interrupted(&self) -> Result<()> {
         if !self.interruption.has_come() {
             return Ok(());
         }

@@ -1,8 +1,7 @@
 //! Validations of a run, and its final evaluation.
 
-use super::Session;
+use super::{Session, ValidationPoint};
 use crate::cli::failure::Result;
-use crate::cli::train::ValidationPoint;
 use crate::cli::train::progress::Phase;
 use core::ops::Range;
 use lpr_core::agent::PoseSource;
