@@ -179,3 +179,21 @@ fn checkpoint_steps(directory: &Path) -> Result<Vec<u64>> {
     steps.sort_unstable();
     Ok(steps)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_checkpoint_takes_the_place_of_another_of_its_step() {
+        let run = tempfile::tempdir().unwrap();
+        create(run.path(), "").unwrap();
+        let early = Checkpoint { weights: vec![1], state: vec![1] };
+        let late = Checkpoint { weights: vec![2], state: vec![2, 3] };
+        for checkpoint in [&early, &late, &late] {
+            save(run.path(), 0, checkpoint).unwrap();
+            assert_eq!(latest(run.path()).unwrap(), (0, checkpoint.clone()));
+        }
+        assert_eq!(fs::read_dir(run.path().join(CHECKPOINTS)).unwrap().count(), 1);
+    }
+}

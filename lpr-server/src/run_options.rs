@@ -16,7 +16,7 @@ pub fn check_minutes(minutes: f64) -> Result<(), String> {
     if minutes.is_finite() && minutes > 0.0 {
         Ok(())
     } else {
-        Err(format!("above 0, got {minutes}"))
+        Err(format!("expected above 0, found {minutes}"))
     }
 }
 
