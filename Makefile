@@ -1,10 +1,17 @@
-# `make check` is exactly what CI runs. It has one feature set, with burn-ndarray as a reference for burn-flex in tests: a second
-# set would build all of burn once more. lpr-wasm/build.sh builds without it.
+# `make check` is exactly what CI runs. It has one feature set, with burn-ndarray as a reference for
+# burn-flex in tests: a second set would build all of burn once more. lpr-wasm/build.sh builds
+# without it.
 ALL := --locked --workspace --features lpr-core/ndarray
 
-.PHONY: check fmt lint deny doc page planner gallery test test-doc package tools faults bench-wasm
+.PHONY: check setup fmt lint deny doc book page planner gallery test test-doc package tools faults bench-wasm
 
-check: fmt lint deny doc page planner test test-doc package
+check: setup fmt lint deny doc book page planner test test-doc package
+
+# The tools that the other targets need. Everything else waits for it, also with -j.
+setup:
+	.ci/setup
+
+fmt lint deny doc book page planner test test-doc package: | $(if $(filter check,$(MAKECMDGOALS)),setup)
 
 fmt:
 	cargo fmt --all --check
@@ -18,6 +25,10 @@ deny:
 
 doc:
 	RUSTDOCFLAGS=-Dwarnings cargo doc $(ALL) --no-deps
+
+# The book in docs, in target/book.
+book:
+	if [ -e docs/book.toml ]; then mdbook build docs --dest-dir "$(CURDIR)/target/book"; fi
 
 # With the page's tests, which visit what `make page` has built.
 test: tools

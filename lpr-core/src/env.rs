@@ -61,7 +61,8 @@ pub trait Environment {
 /// assert_eq!(reason.name(), "joint_speed", "for counting");
 /// assert_eq!(reason.to_string(), "joint 1 exceeded its velocity limit", "for reading");
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 pub enum InvalidAction {
     /// A link was pushed into a fixed body.
     Collision {
@@ -99,15 +100,7 @@ impl InvalidAction {
     /// A fixed word for counting reasons.
     #[must_use]
     pub fn name(&self) -> &'static str {
-        match self {
-            Self::Collision { .. } => "collision",
-            Self::Force { .. } => "force",
-            Self::JointSpeed { .. } => "joint_speed",
-            Self::OutsideLimits => "outside_limits",
-            Self::TooLong { .. } => "too_long",
-            Self::StartMismatch => "start_mismatch",
-            Self::NoPath => "no_path",
-        }
+        self.into()
     }
 }
 

@@ -5,7 +5,8 @@ use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 
 /// A method of choosing paths to next-best poses.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, strum::IntoStaticStr)]
+#[strum(serialize_all = "kebab-case")]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
     /// Planner, Bézier and policy paths, ranked by learned values: the paper's.
@@ -15,6 +16,7 @@ pub enum Method {
     /// The baseline: the straight line of the grip, else the shortest joint-space motion without
     /// collision checking.
     #[serde(rename = "c2farm")]
+    #[strum(serialize = "c2farm")]
     C2fArm,
     /// The straight line of the grip alone.
     Linear,
@@ -47,15 +49,8 @@ impl Method {
 
     /// Name on the command line.
     #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Lpr => "lpr",
-            Self::LprNoPolicy => "lpr-no-policy",
-            Self::C2fArm => "c2farm",
-            Self::Linear => "linear",
-            Self::ShortestFree => "shortest-free",
-            Self::Random => "random",
-        }
+    pub fn name(self) -> &'static str {
+        self.into()
     }
 
     /// The method of that name.

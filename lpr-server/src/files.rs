@@ -16,7 +16,7 @@ use thiserror::Error;
 pub const MAX_JSON_BYTES: u64 = 256 << 20;
 
 /// How names of files and directories end that are not whole yet.
-const PARTIAL: &str = ".partial";
+pub(crate) const PARTIAL: &str = ".partial";
 
 /// What went wrong with a file; each message begins with its path.
 #[derive(Debug, Error)]

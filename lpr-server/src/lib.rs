@@ -20,4 +20,5 @@ pub mod problems;
 pub mod run_directory;
 pub mod run_options;
 pub mod scene_file;
+pub mod signals;
 pub mod tensorboard;

@@ -56,7 +56,9 @@ fn in_episodes(directory: &Path, name: &str) -> Result<PathBuf> {
     Ok(episodes.join(name))
 }
 
-/// Saves a checkpoint, whole or not at all, and deletes old ones.
+/// Saves a checkpoint, whole or not at all, and deletes old ones. It takes the place of another of
+/// the same environment step: a run may be interrupted between updates on demonstrations, which are
+/// no environment steps.
 ///
 /// # Errors
 ///
@@ -64,7 +66,11 @@ fn in_episodes(directory: &Path, name: &str) -> Result<PathBuf> {
 pub fn save(directory: &Path, env_step: u64, checkpoint: &Checkpoint) -> Result<()> {
     let path = checkpoint_path(directory, env_step);
     if path.exists() {
-        return Ok(());
+        let state = path.join(STATE);
+        if fs::read(&state).map_err(FileError::io("read", &state))? == checkpoint.state {
+            return Ok(());
+        }
+        set_aside(directory, &path)?;
     }
     files::write_directory_atomically(&path, |inside| {
         files::write_atomically(&inside.join(WEIGHTS), |file| file.write_all(&checkpoint.weights))?;
@@ -76,6 +82,13 @@ pub fn save(directory: &Path, env_step: u64, checkpoint: &Checkpoint) -> Result<
         fs::remove_dir_all(&old).map_err(FileError::io("delete", &old))?;
     }
     Ok(())
+}
+
+/// Removes a checkpoint that another one replaces, all at once.
+fn set_aside(directory: &Path, checkpoint: &Path) -> Result<()> {
+    let outdated = directory.join(CHECKPOINTS).join(format!(".outdated{}", files::PARTIAL));
+    fs::rename(checkpoint, &outdated).map_err(FileError::io("replace", checkpoint))?;
+    fs::remove_dir_all(&outdated).map_err(FileError::io("delete", &outdated))
 }
 
 /// Removes what a killed run left unfinished.
@@ -127,7 +140,7 @@ pub fn latest_agent(directory: &Path) -> Result<SavedAgent> {
     load_agent(&checkpoint.weights).map_err(|error| unusable(directory, step, &error))
 }
 
-/// What is wrong with the checkpoint of `env_step`, with the file at fault.
+/// The fault of the checkpoint of `env_step`, with the file that has it.
 #[must_use]
 pub fn unusable(directory: &Path, env_step: u64, error: &Error) -> FileError {
     let checkpoint = checkpoint_path(directory, env_step);
@@ -165,4 +178,22 @@ fn checkpoint_steps(directory: &Path) -> Result<Vec<u64>> {
         entries.filter_map(|entry| entry.ok()?.file_name().to_str()?.parse().ok()).collect();
     steps.sort_unstable();
     Ok(steps)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_checkpoint_takes_the_place_of_another_of_its_step() {
+        let run = tempfile::tempdir().unwrap();
+        create(run.path(), "").unwrap();
+        let early = Checkpoint { weights: vec![1], state: vec![1] };
+        let late = Checkpoint { weights: vec![2], state: vec![2, 3] };
+        for checkpoint in [&early, &late, &late] {
+            save(run.path(), 0, checkpoint).unwrap();
+            assert_eq!(latest(run.path()).unwrap(), (0, checkpoint.clone()));
+        }
+        assert_eq!(fs::read_dir(run.path().join(CHECKPOINTS)).unwrap().count(), 1);
+    }
 }

@@ -1,4 +1,4 @@
-//! What the options of a training run may be, wherever they come from: the command line or the API.
+//! Limits of the options of a training run, which come from the command line or the API.
 
 use lpr_core::agent::Method;
 
@@ -7,20 +7,20 @@ pub const DEFAULT_PRESET: &str = "fast";
 /// Minutes after which a run ends that names no others.
 pub const DEFAULT_MINUTES: f64 = 15.0;
 
-/// Whether a run may be capped at `minutes`.
+/// Refuses minutes at which a run cannot be capped.
 ///
 /// # Errors
 ///
-/// What would be right.
+/// The right values.
 pub fn check_minutes(minutes: f64) -> Result<(), String> {
     if minutes.is_finite() && minutes > 0.0 {
         Ok(())
     } else {
-        Err(format!("above 0, got {minutes}"))
+        Err(format!("expected above 0, found {minutes}"))
     }
 }
 
-/// Whether a run can train an agent of that method.
+/// Refuses a method that has nothing to train.
 ///
 /// # Errors
 ///

@@ -3,7 +3,7 @@
 use core::hash::{Hash as _, Hasher as _};
 use lpr_core::agent::{Agent, Draws, Goal, Init, Method, Networks, PoseSource};
 use lpr_core::config::Config;
-use lpr_core::env::{Environment as _, InvalidAction};
+use lpr_core::env::InvalidAction;
 use lpr_core::error::{Error, Result};
 use lpr_core::nn::Backend;
 use lpr_core::path::{CandidateStreams, Source};

@@ -21,6 +21,7 @@ mod runs;
 mod scenes;
 mod serve;
 mod server;
+mod signals;
 mod simulation;
 mod training;
 mod world_hash;

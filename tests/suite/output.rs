@@ -113,7 +113,7 @@ fn a_run_whose_disk_was_full_goes_on_when_there_is_room() {
         let run = runs.folder.path().join(&name);
         let mut command = with_small_disk(n_blocks, &arguments);
         let output = command.output().unwrap();
-        let error = last_line_of_failure(&command, &output, 1, 10);
+        let error = last_line_of_failure(&command, &output, 1, 14);
         assert!(
             error.starts_with(run.to_str().unwrap())
                 && error.contains("cannot write: File too large"),

@@ -13,7 +13,8 @@
 /// assert_eq!(reason.name(), "curve_unreachable");
 /// assert!(matches!(reason, Rejection::CurveUnreachable { fraction } if fraction > 0.1 && fraction < 0.9));
 /// ```
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 pub enum Rejection {
     /// The goal pose has no solution within the joint limits.
     Unreachable,
@@ -49,19 +50,7 @@ pub enum Rejection {
 impl Rejection {
     /// A fixed word for files and counting.
     #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Unreachable => "unreachable",
-            Self::CurveUnreachable { .. } => "curve_unreachable",
-            Self::BranchJump { .. } => "branch_jump",
-            Self::StartCollides => "start_collides",
-            Self::GoalCollides => "goal_collides",
-            Self::IterationLimit => "iteration_limit",
-            Self::Stopped => "stopped",
-            Self::OptimizationFailed => "optimization_failed",
-            Self::TooFewGoals => "too_few_goals",
-            Self::LongerThanMean => "longer_than_mean",
-            Self::OutsideLimits => "outside_limits",
-        }
+    pub fn name(self) -> &'static str {
+        self.into()
     }
 }

@@ -1,7 +1,8 @@
 //! The generators of paths by name.
 
 /// Which generator made a path.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 pub enum Source {
     /// `RRTConnect` to a sampled goal configuration (`m` in the paper).
     Planner,
@@ -18,13 +19,7 @@ pub enum Source {
 impl Source {
     /// A fixed word for files and counting.
     #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Planner => "planner",
-            Self::Bezier => "bezier",
-            Self::Policy => "policy",
-            Self::Linear => "linear",
-            Self::Screw => "screw",
-        }
+    pub fn name(self) -> &'static str {
+        self.into()
     }
 }

@@ -232,7 +232,7 @@ async fn a_body_that_cannot_be_used_is_pointed_at() {
         ),
         (json!({"task": "reach_target", "settings": []}), "/settings", "invalid type: sequence"),
         (json!({"task": "make_coffee"}), "/task", "known: reach_target"),
-        (json!({"task": "reach_target", "minutes": -1}), "/minutes", "above 0, got -1"),
+        (json!({"task": "reach_target", "minutes": -1}), "/minutes", "expected above 0, found -1"),
         (
             json!({"task": "reach_target", "settings": {"a/b": 1}}),
             "/settings/a~1b",

@@ -1,7 +1,7 @@
 //! Which arm a command of kinematics or planning is about: a built-in one or a description in
 //! files.
 
-use super::{Failure, Result};
+use super::failure::{Failure, Result};
 use crate::files::{self, FileError};
 use lpr_core::robot::{Chain, DOF, JointConfig, ROBOTS, Robot};
 use std::path::{Path, PathBuf};

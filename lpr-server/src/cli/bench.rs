@@ -5,7 +5,8 @@ mod planning;
 mod resets;
 mod simulation;
 
-use super::{Failure, Result, default_preset};
+use super::failure::{Failure, Result};
+use super::settings::default_preset;
 use core::fmt;
 use lpr_core::agent::{Agent, Init, Method, Networks, PoseSource};
 use lpr_core::config::Config;
@@ -28,7 +29,7 @@ const SECONDS: f64 = 1.0;
 
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
-    /// What to measure
+    /// The measurements
     #[arg(value_enum, value_name = "WHAT")]
     subject: Subject,
     /// Threads [default: those of the machine]

@@ -1,6 +1,8 @@
 //! `lpr demo`: scripted demonstrations of a task.
 
-use super::{Failure, Result, RobotArgument, TaskArgument, default_preset, scene_seeds};
+use super::arguments::{RobotArgument, TaskArgument, scene_seeds};
+use super::failure::{Failure, Result};
+use super::settings::default_preset;
 use crate::files;
 use crate::formats::DemoFile;
 use core::fmt;
@@ -61,7 +63,7 @@ struct FailedEpisode {
     /// On the way to which it failed, counted from 0; none when it could not begin.
     keyframe: Option<usize>,
     reason: &'static str,
-    /// What happened, with bodies and forces.
+    /// Events with their bodies and forces.
     message: Option<String>,
 }
 

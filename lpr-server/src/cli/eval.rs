@@ -1,7 +1,8 @@
 //! `lpr eval`: greedy evaluation of a run, or of a method with the demonstrator's poses.
 
-use super::train::load_config;
-use super::{Failure, Result};
+use super::failure::{Failure, Result};
+use super::settings::load_config;
+use super::simulator::simulator;
 use crate::files::FileError;
 use crate::run_directory;
 use clap::{Args, ValueEnum};
@@ -13,9 +14,7 @@ use lpr_core::evaluate::{
     Evaluation, Shown, best_of_all, evaluate, evaluate_shown, measure_regret,
 };
 use lpr_core::nn::Backend;
-use lpr_core::perception::Camera;
 use lpr_core::robot::{ROBOTS, Robot};
-use lpr_core::sim::SimEnvironment;
 use lpr_core::sim::tasks::Task;
 use lpr_core::train::default_cameras;
 use serde::Serialize;
@@ -49,7 +48,7 @@ pub(super) struct Arguments {
     /// The arm: xarm7 or panda [default: that of the run, else xarm7]
     #[arg(long, value_name = "NAME", value_parser = Robot::by_name)]
     robot: Option<&'static Robot>,
-    /// What the choice of poses looks at: what the cameras see, an image without points, or the
+    /// Input of the choice of poses: the cameras' images (own), an image without points, or the
     /// start of another scene
     #[arg(long, value_enum, default_value_t = Observations::Own)]
     observations: Observations,
@@ -58,7 +57,7 @@ pub(super) struct Arguments {
     regret: bool,
 }
 
-/// What the choice of poses looks at; the other two are ablations that an agent which uses its eyes
+/// Input of the choice of poses; the last two are ablations that an agent which uses its eyes
 /// must fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -78,7 +77,7 @@ impl Observations {
     }
 }
 
-/// What `lpr eval` reports.
+/// The report of `lpr eval`.
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct EvalReport {
     task: String,
@@ -94,23 +93,6 @@ pub(super) struct EvalReport {
     steps: u64,
     #[serde(skip_serializing_if = "Option::is_none")]
     regret: Option<f64>,
-}
-
-/// The simulator with a configuration's settings.
-pub(super) fn simulator(
-    task: &Arc<Task>,
-    robot: &'static Robot,
-    cameras: &[String],
-    config: &Config,
-) -> Result<SimEnvironment> {
-    /// Any scene: every episode is reset to its own.
-    const FIRST_SCENE: u64 = 1000;
-    let cameras: Vec<_> =
-        cameras.iter().map(|name| Camera::known_name(name)).collect::<Result<_, _>>()?;
-    let mut environment =
-        SimEnvironment::new(task, robot, FIRST_SCENE, &cameras, &config.simulator)?;
-    environment.set_timing(config.timing.clone());
-    Ok(environment)
 }
 
 /// The report of an evaluation.
@@ -161,7 +143,7 @@ fn scene_seeds(arguments: &Arguments) -> Result<Range<u64>> {
     Ok(*seed..end.ok_or_else(too_large)?)
 }
 
-/// What is evaluated.
+/// The agent that is evaluated, and its world.
 struct Subject {
     agent: Agent,
     task: Arc<Task>,

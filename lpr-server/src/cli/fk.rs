@@ -1,7 +1,7 @@
 //! `lpr fk`: forward kinematics of the flange, of a described arm of its tip.
 
-use super::Result;
 use super::arm::ArmArguments;
+use super::failure::Result;
 use crate::formats::{self, PoseJson};
 use core::fmt;
 use serde::Serialize;

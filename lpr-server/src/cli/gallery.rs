@@ -1,6 +1,6 @@
 //! `lpr gallery`: every task as a picture and as an animation, and the page that lists them.
 
-use super::Result;
+use super::failure::Result;
 use crate::files;
 use crate::gallery::{self, GalleryError};
 use core::fmt;

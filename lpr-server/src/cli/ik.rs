@@ -1,7 +1,7 @@
 //! `lpr ik`: inverse kinematics of the flange, of a described arm of its tip.
 
-use super::Result;
 use super::arm::{Arm, ArmArguments};
+use super::failure::Result;
 use crate::formats::{self, PoseQuery};
 use core::fmt;
 use lpr_core::glamx::Pose3;

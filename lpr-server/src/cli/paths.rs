@@ -1,6 +1,8 @@
 //! `lpr paths`: the candidate paths of a demonstration's keyframes, and what becomes of each.
 
-use super::{Failure, Result, RobotArgument, TaskArgument, default_preset, scene_seeds};
+use super::arguments::{RobotArgument, TaskArgument, scene_seeds};
+use super::failure::{Failure, Result};
+use super::settings::default_preset;
 use crate::run_directory;
 use core::fmt;
 use lpr_core::agent::{Agent, Draws, Goal};
@@ -385,7 +387,7 @@ impl Drawn {
         self.executed.as_ref().map(|executed| is(executed.trials.iter().any(|trial| trial.success)))
     }
 
-    /// Whether the shortest free candidate succeeded; where none is free that is a failure.
+    /// Success of the shortest free candidate; where none is free that is a failure.
     fn shortest_free(&self) -> Option<f64> {
         let executed = self.executed.as_ref()?;
         let shortest = self.set.shortest_free();

@@ -1,6 +1,6 @@
 //! `lpr placements`: where scenes of a task come to stand, and how many draws that takes.
 
-use super::{RobotArgument, TaskArgument, scene_seeds};
+use super::arguments::{RobotArgument, TaskArgument, scene_seeds};
 use core::f32::consts::TAU;
 use core::fmt;
 use lpr_core::glamx::Vec2;

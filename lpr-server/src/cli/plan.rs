@@ -1,7 +1,7 @@
 //! `lpr plan`: motion planning on a file of problems, with the time that each takes.
 
-use super::Result;
 use super::arm::{Arm, ArmArguments};
+use super::failure::Result;
 use crate::problems::{self, Problem};
 use core::fmt;
 use lpr_core::path::{
@@ -216,7 +216,7 @@ impl Query {
     }
 }
 
-/// What `run` gives, and the least time it took, microseconds.
+/// The result of `run`, and the least time it took, microseconds.
 fn least_micros<T>(repeats: u32, mut run: impl FnMut() -> T) -> (T, f64) {
     let mut timed = || {
         let start = Instant::now();

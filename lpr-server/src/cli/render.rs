@@ -3,7 +3,10 @@
 
 mod seen;
 
-use super::{Failure, Result, RobotArgument, default_preset, paths};
+use super::arguments::RobotArgument;
+use super::failure::{Failure, Result};
+use super::paths;
+use super::settings::default_preset;
 use crate::animation;
 use crate::artist::{Artist, BEAUTY, Line, Size};
 use crate::episode::EpisodeFile;
@@ -80,12 +83,12 @@ pub(super) struct Arguments {
     out: PathBuf,
 }
 
-/// What the colour of a candidate's line says.
+/// The meaning of the colour of a candidate's line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Colours {
     /// Which generator made it.
     Source,
-    /// Whether it does what the demonstrator did, executed from a snapshot.
+    /// It does the same as the demonstrator, executed from a snapshot.
     Outcome,
 }
 
@@ -286,7 +289,7 @@ fn snapshots(arguments: &Arguments, env: &SimEnvironment) -> Result<Vec<Keyframe
     })
 }
 
-/// What the colour of a line says.
+/// The meaning of the colour of a line.
 #[derive(PartialEq)]
 struct Class {
     name: &'static str,

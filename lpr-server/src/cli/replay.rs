@@ -1,6 +1,6 @@
 //! `lpr replay`: runs the chosen paths of an episode file again in the scene that it holds.
 
-use super::Result;
+use super::failure::Result;
 use crate::episode::{EpisodeFile, Replayed};
 use core::fmt;
 use serde::Serialize;
@@ -19,7 +19,7 @@ pub(super) struct Report {
     task: String,
     scene_seed: u64,
     steps: usize,
-    /// Whether rewards and the world at the end are those of the file, bit by bit.
+    /// Rewards and the world at the end are those of the file, bit by bit.
     identical: bool,
     world_hash: String,
 }

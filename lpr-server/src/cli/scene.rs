@@ -1,6 +1,7 @@
 //! `lpr scene`: the scene of a task as a file.
 
-use super::{Result, RobotArgument, TaskArgument};
+use super::arguments::{RobotArgument, TaskArgument};
+use super::failure::Result;
 use crate::scene_file::SceneFile;
 use core::fmt;
 use lpr_core::sim::{SimEnvironment, SimParams};

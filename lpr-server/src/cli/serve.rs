@@ -1,6 +1,6 @@
 //! `lpr serve`: the REST API, the workers behind it, and the page.
 
-use super::{Failure, Result};
+use super::failure::{Failure, Result};
 use crate::api::{self, Api};
 use crate::jobs::{DataDirectory, Phase, SqliteStore, Worker, report, stopping};
 use clap::Args;

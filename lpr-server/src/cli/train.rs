@@ -1,24 +1,26 @@
 //! `lpr train`: Algorithm 1 on a task, with validation, checkpoints and a final evaluation.
 
 mod demonstrations;
+mod interruption;
 mod progress;
 mod session;
+mod setup;
 
+use super::arguments::RobotArgument;
 use super::eval::EvalReport;
-use super::{Result, RobotArgument};
-use crate::files::FileError;
+use super::failure::Result;
 use crate::run_options::{DEFAULT_MINUTES, DEFAULT_PRESET, check_minutes, check_trainable};
 use clap::Args;
 use core::fmt;
+use interruption::Interruption;
 use lpr_core::agent::Method;
-use lpr_core::config::Config;
 use lpr_core::evaluate::Evaluation;
 use lpr_core::nn::Backend;
 use lpr_core::perception::{CAMERA_NAMES, Camera};
 use lpr_core::sim::tasks::Task;
 use serde::Serialize;
 use session::Session;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::{io, process, thread};
 
@@ -69,7 +71,7 @@ pub(super) struct Arguments {
     /// End at once when standard input closes: whoever started the run is gone
     #[arg(long, hide = true)]
     until_stdin_closes: bool,
-    /// What computes the networks: flex, or ndarray where the program was built with it
+    /// Backend of the networks: flex, or ndarray where the program was built with it
     #[arg(long, value_parser = Backend::by_name, default_value = "flex")]
     backend: Backend,
 }
@@ -78,7 +80,7 @@ fn cameras_help() -> String {
     format!("What the agent sees with, separated by commas: {}", CAMERA_NAMES.join(", "))
 }
 
-/// What `lpr train` reports and writes to `summary.json`.
+/// The report of `lpr train`, which also goes to `summary.json`.
 #[derive(Debug, Serialize)]
 pub(super) struct Report {
     task: String,
@@ -116,11 +118,17 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
     };
     check_minutes(arguments.minutes).map_err(unusable("--minutes"))?;
     check_trainable(arguments.method).map_err(unusable("--method"))?;
-    if arguments.until_stdin_closes {
+    let interruption = if arguments.until_stdin_closes {
         thread::spawn(end_with_stdin);
-    }
-    let mut session =
-        if arguments.resume { Session::resume(arguments)? } else { Session::create(arguments)? };
+        Interruption::never()
+    } else {
+        Interruption::of_signals()?
+    };
+    let mut session = if arguments.resume {
+        Session::resume(arguments, interruption)?
+    } else {
+        Session::create(arguments, interruption)?
+    };
     let stopped_by = session.train()?;
     session.finish(stopped_by)
 }
@@ -131,22 +139,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
 fn end_with_stdin() {
     let _ = io::copy(&mut io::stdin(), &mut io::sink());
     process::exit(1);
-}
-
-/// The preset of that name, or the file of that path; the table that says what a run was of is left
-/// out.
-pub(super) fn load_config(preset: &str) -> Result<Config> {
-    let path = Path::new(preset);
-    // A run that is called `fast` does not hide the preset.
-    if Config::preset_names().any(|name| name == preset) || !path.exists() {
-        return Ok(Config::preset(preset)?);
-    }
-    let text = std::fs::read_to_string(path).map_err(FileError::io("read", path))?;
-    // The core says what is wrong with a text that is no table.
-    let mut table = text.parse::<toml::Table>().unwrap_or_default();
-    let settings =
-        if table.remove(session::RUN_TABLE).is_some() { table.to_string() } else { text };
-    Config::from_toml(&settings).map_err(|error| FileError::content(path, error.to_string()).into())
 }
 
 impl fmt::Display for Report {

@@ -2,9 +2,9 @@
 
 mod emulate;
 mod run;
-mod signals;
 
-use super::{Format, Result};
+use super::failure::Result;
+use super::output::Format;
 use clap::Subcommand;
 
 /// What to do with an arm.

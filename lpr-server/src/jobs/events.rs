@@ -7,7 +7,8 @@ use serde_json::json;
 use sqlx::{Row as _, SqliteConnection, query, query_scalar};
 
 /// What an event tells.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 pub enum EventKind {
     /// The job came to a state.
     State,
@@ -22,13 +23,8 @@ pub enum EventKind {
 impl EventKind {
     /// Its name in streams and in the database.
     #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::State => "state",
-            Self::Metric => "metric",
-            Self::Rewind => "rewind",
-            Self::End => "end",
-        }
+    pub fn name(self) -> &'static str {
+        self.into()
     }
 }
 

@@ -9,7 +9,10 @@ use utoipa::ToSchema;
 pub(super) const MAX_LOSSES: u32 = 3;
 
 /// Where a job is. The last three are terminal: a job never leaves them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema, strum::IntoStaticStr,
+)]
+#[strum(serialize_all = "snake_case")]
 #[serde(rename_all = "snake_case")]
 pub enum State {
     /// It waits for a worker.
@@ -39,15 +42,8 @@ impl State {
 
     /// Its name in JSON and in the database.
     #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Queued => "queued",
-            Self::Running => "running",
-            Self::Cancelling => "cancelling",
-            Self::Succeeded => "succeeded",
-            Self::Failed => "failed",
-            Self::Cancelled => "cancelled",
-        }
+    pub fn name(self) -> &'static str {
+        self.into()
     }
 
     /// Whether nothing more can happen.
@@ -64,7 +60,10 @@ impl fmt::Display for State {
 }
 
 /// Why a job is where it is, when its state alone does not say so.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema, strum::IntoStaticStr,
+)]
+#[strum(serialize_all = "snake_case")]
 #[serde(rename_all = "snake_case")]
 pub enum Reason {
     /// A user asked for it.
@@ -94,15 +93,8 @@ impl Reason {
 
     /// Its name in JSON and in the database.
     #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::CancelledByUser => "cancelled_by_user",
-            Self::ExitStatus => "exit_status",
-            Self::MaxAttempts => "max_attempts",
-            Self::ServerStopped => "server_stopped",
-            Self::WorkerError => "worker_error",
-            Self::WorkerLost => "worker_lost",
-        }
+    pub fn name(self) -> &'static str {
+        self.into()
     }
 }
 

@@ -31,7 +31,20 @@ const FURTHER: [&str; 4] = ["sbl", "kpiece", "trajopt", "stomp"];
 /// assert!(message.starts_with("configuration: planner: expected one of rrt-connect"), "{message}");
 /// assert!(message.ends_with("found 'prm'"), "{message}");
 /// ```
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    Default,
+    PartialEq,
+    Eq,
+    PartialOrd,
+    Ord,
+    Serialize,
+    Deserialize,
+    strum::IntoStaticStr,
+)]
+#[strum(serialize_all = "kebab-case")]
 #[serde(try_from = "String", into = "&'static str")]
 pub enum PlannerKind {
     /// [`rrt_connect`], the paper's.
@@ -45,6 +58,7 @@ pub enum PlannerKind {
     Kpiece,
     /// [`trajopt`].
     #[cfg(feature = "planners")]
+    #[strum(serialize = "trajopt")]
     TrajOpt,
     /// [`stomp`].
     #[cfg(feature = "planners")]
@@ -67,18 +81,8 @@ impl PlannerKind {
 
     /// A fixed word for files, the command line and counting.
     #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::RrtConnect => "rrt-connect",
-            #[cfg(feature = "planners")]
-            Self::Sbl => "sbl",
-            #[cfg(feature = "planners")]
-            Self::Kpiece => "kpiece",
-            #[cfg(feature = "planners")]
-            Self::TrajOpt => "trajopt",
-            #[cfg(feature = "planners")]
-            Self::Stomp => "stomp",
-        }
+    pub fn name(self) -> &'static str {
+        self.into()
     }
 
     /// The planner of that name.
@@ -113,12 +117,6 @@ impl TryFrom<String> for PlannerKind {
 
     fn try_from(name: String) -> Result<Self> {
         Self::by_name(&name)
-    }
-}
-
-impl From<PlannerKind> for &'static str {
-    fn from(kind: PlannerKind) -> Self {
-        kind.name()
     }
 }
 

@@ -1,8 +1,9 @@
 //! Networks: forward passes and updates, on inputs of which only the size matters.
 
-use super::super::train::load_config;
-use super::{Row, agent, default_preset, environment, measure};
-use crate::cli::Result;
+use super::{Row, agent, environment, measure};
+use crate::cli::failure::Result;
+use crate::cli::settings::default_preset;
+use crate::cli::settings::load_config;
 use lpr_core::agent::PoseSource;
 use lpr_core::config::Config;
 

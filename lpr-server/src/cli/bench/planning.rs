@@ -1,7 +1,8 @@
 //! Kinematics, curves, planner and timing.
 
-use super::{Row, default_preset, environment, measure};
-use crate::cli::Result;
+use super::{Row, environment, measure};
+use crate::cli::failure::Result;
+use crate::cli::settings::default_preset;
 use lpr_core::env::Environment as _;
 use lpr_core::glamx::{Pose3, Vec3};
 use lpr_core::path::{
@@ -102,7 +103,7 @@ fn bezier() -> Result<Row> {
     }))
 }
 
-/// What a depth image saw made into obstacles, and 20 planner paths around them, all with collision
+/// A depth image made into obstacles, and 20 planner paths around them, all with collision
 /// checking. Half of the straight motions to the 20 goals hit something.
 fn planner() -> Result<[Row; 2]> {
     const SCENE: u64 = 1001;

@@ -1,7 +1,8 @@
 //! How soon an agent sees a new scene: every task with both robots, and the middle of them all.
 
-use super::{Row, default_preset, measure};
-use crate::cli::Result;
+use super::{Row, measure};
+use crate::cli::failure::Result;
+use crate::cli::settings::default_preset;
 use lpr_core::config::Config;
 use lpr_core::env::Environment as _;
 use lpr_core::robot::{ROBOTS, Robot};

@@ -1,7 +1,8 @@
 //! The simulator: physics, renderer, and what an environment does with them.
 
-use super::{Row, default_preset, environment, measure};
-use crate::cli::Result;
+use super::{Row, environment, measure};
+use crate::cli::failure::Result;
+use crate::cli::settings::default_preset;
 use lpr_core::config::Config;
 use lpr_core::env::Environment as _;
 use lpr_core::glamx::Pose3;

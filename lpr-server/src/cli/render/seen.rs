@@ -1,4 +1,4 @@
-//! What the camera of an agent sees, one channel as a picture.
+//! The view of an agent's camera, one channel as a picture.
 
 use clap::ValueEnum;
 use core::fmt;
@@ -21,7 +21,7 @@ pub(super) enum Show {
     Mask,
 }
 
-/// What a person cannot read off the picture.
+/// Numbers that a person cannot read off the picture.
 #[derive(Debug, Serialize)]
 #[serde(untagged)]
 pub(super) enum Legend {

@@ -1,6 +1,6 @@
 //! Demonstrations of a run: scripted ones in scenes of their own, or those of files.
 
-use super::super::Result;
+use crate::cli::failure::Result;
 use crate::files::{self, FileError};
 use crate::formats::{DEMO_VERSION, DemoFile, DemoSource};
 use lpr_core::demo::DemoEpisode;
@@ -20,7 +20,7 @@ const HELD_OUT: [Range<u64>; 2] = [1000..2000, 5000..5100];
 /// A demonstration as the trainer takes it.
 pub(super) struct Demonstrated {
     pub(super) scene_seed: u64,
-    /// What demo augmentation makes of it.
+    /// Its chains of keyframes, as demo augmentation makes them.
     chains: Vec<DemoEpisode>,
 }
 
@@ -30,12 +30,16 @@ pub(super) fn add(trainer: &mut Trainer<SimEnvironment>, demos: &[Demonstrated])
     Ok(chains.try_for_each(|chain| trainer.add_demonstration(chain))?)
 }
 
+/// Hears how many demonstrations there are so far, and may refuse to go on.
+pub(super) type OnDemo<'a> = &'a mut dyn FnMut(usize) -> Result<()>;
+
 /// Scripted demonstrations until `wanted` have succeeded.
 pub(super) fn scripted(
     environment: &SimEnvironment,
     settings: &DemoSettings,
     seed: u64,
     wanted: usize,
+    on_demo: OnDemo<'_>,
 ) -> Result<Vec<Demonstrated>> {
     /// Demonstrations that may fail for each that is asked for.
     const TRIES: u64 = 4;
@@ -48,6 +52,7 @@ pub(super) fn scripted(
         if let Some(chains) = record_demo(environment, scene_seed, settings)? {
             demos.push(Demonstrated { scene_seed, chains });
         }
+        on_demo(demos.len())?;
     }
     if demos.len() < wanted {
         let reason = format!("only {} of {wanted} demonstrations succeeded", demos.len());
@@ -61,6 +66,7 @@ pub(super) fn of_directory(
     environment: &SimEnvironment,
     settings: &DemoSettings,
     path: &Path,
+    on_demo: OnDemo<'_>,
 ) -> Result<Vec<Demonstrated>> {
     let names = demo_files(path)?;
     if names.is_empty() {
@@ -70,7 +76,17 @@ pub(super) fn of_directory(
         )
         .into());
     }
-    names.iter().map(|name| of_file(environment, settings, name)).collect()
+    let mut demos = Vec::new();
+    for name in &names {
+        demos.push(of_file(environment, settings, name)?);
+        on_demo(demos.len())?;
+    }
+    Ok(demos)
+}
+
+/// Demonstrations in a directory.
+pub(super) fn n_files(directory: &Path) -> Result<usize> {
+    Ok(demo_files(directory)?.len())
 }
 
 fn demo_files(directory: &Path) -> Result<Vec<PathBuf>> {

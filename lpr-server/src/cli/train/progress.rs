@@ -1,4 +1,4 @@
-//! What people see of a run: a progress bar, lines on standard error, and how fast it is.
+//! A run as people see it: a progress bar, lines on standard error, and its speed.
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use lpr_core::agent::Agent;
@@ -6,6 +6,8 @@ use lpr_core::train::Metrics;
 use std::io::{self, Write as _};
 use std::time::Instant;
 
+/// Time left from which on a phase tells it without a bar, seconds.
+const LONG: f64 = 10.0;
 /// Metrics that the bar shows, with their short names.
 const SHOWN_METRICS: [(&str, &str); 3] = [
     ("losses/q_attention", "pose loss"),
@@ -13,30 +15,103 @@ const SHOWN_METRICS: [(&str, &str); 3] = [
     ("losses/policy", "policy loss"),
 ];
 
-/// The bar of a run; nothing where standard error is no terminal.
+/// A part of a run that takes time.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, strum::Display)]
+#[strum(serialize_all = "lowercase")]
+pub(super) enum Phase {
+    Demonstrations,
+    #[strum(serialize = "updates on demonstrations")]
+    DemonstrationUpdates,
+    Training,
+    Validation,
+    #[strum(serialize = "final evaluation")]
+    FinalEvaluation,
+}
+
+/// The end of training, of which the sooner counts.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Limits {
+    /// Environment steps, if they were asked for.
+    pub(super) env_steps: Option<u64>,
+    /// Seconds of the whole run.
+    pub(super) seconds: f64,
+}
+
+/// The bar of a run's phases; where standard error is no terminal, their lines alone.
 #[derive(Debug)]
 pub(super) struct Bar {
     bar: ProgressBar,
-    /// Environment steps at which the run ends, if it was asked for.
-    env_steps: Option<u64>,
-    /// Seconds after which the run ends.
-    seconds: f64,
+    limits: Limits,
+    phase: Phase,
+    /// Start of the phase.
+    started: Instant,
+    /// Parts of the phase.
+    n_parts: u64,
+    /// Without a bar, the time left is told once a phase.
+    told: bool,
     success: Option<String>,
     losses: String,
 }
 
 impl Bar {
-    pub(super) fn new(env_steps: Option<u64>, seconds: f64) -> Self {
-        let length = env_steps.unwrap_or(seconds as u64);
+    pub(super) fn new(limits: Limits) -> Self {
         // Hidden where standard error is no terminal.
-        let bar = ProgressBar::with_draw_target(Some(length), ProgressDrawTarget::stderr());
-        let style = ProgressStyle::with_template("{bar:24} {msg}")
+        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
+        let style = ProgressStyle::with_template("{prefix} {bar:24} {msg}")
             .unwrap_or_else(|_| ProgressStyle::default_bar());
         bar.set_style(style);
-        Self { bar, env_steps, seconds, success: None, losses: String::new() }
+        Self {
+            bar,
+            limits,
+            phase: Phase::Demonstrations,
+            started: Instant::now(),
+            n_parts: 0,
+            told: false,
+            success: None,
+            losses: String::new(),
+        }
     }
 
-    /// Shows how far the run is after `env_steps` and `elapsed` seconds.
+    /// Starts a phase of `n_parts` with a line of its own.
+    pub(super) fn announce(&mut self, phase: Phase, n_parts: u64, text: &str) {
+        self.enter(phase, n_parts);
+        self.say(&format!("{phase}: {text}"));
+    }
+
+    /// Starts a phase of `n_parts`.
+    pub(super) fn enter(&mut self, phase: Phase, n_parts: u64) {
+        self.phase = phase;
+        self.started = Instant::now();
+        self.n_parts = n_parts;
+        self.told = false;
+        self.bar.set_prefix(phase.to_string());
+        self.bar.set_length(n_parts);
+        self.bar.set_position(0);
+        self.bar.set_message("");
+    }
+
+    /// Starts training, or goes on with it after a validation.
+    pub(super) fn enter_training(&mut self) {
+        let Limits { env_steps, seconds } = self.limits;
+        self.enter(Phase::Training, env_steps.unwrap_or(seconds as u64));
+    }
+
+    /// Shows that `n_done` parts of a phase other than training are done.
+    pub(super) fn advance(&mut self, n_done: u64) {
+        let (phase, n_parts) = (self.phase, self.n_parts);
+        let left = seconds_left(self.started.elapsed().as_secs_f64(), n_done, n_parts);
+        self.bar.set_position(n_done);
+        self.bar.set_message(format!("{n_done} of {n_parts}, about {left:.0} s left"));
+        let is_known = 10 * n_done >= n_parts;
+        if self.bar.is_hidden() && !self.told && is_known {
+            self.told = true;
+            if left > LONG {
+                self.say(&format!("{phase}: {n_done} of {n_parts}, about {left:.0} s left"));
+            }
+        }
+    }
+
+    /// Shows how far training is after `env_steps` and `elapsed` seconds of the run.
     pub(super) fn show(&mut self, env_steps: u64, elapsed: f64, metrics: &Metrics) {
         if self.bar.is_hidden() {
             return;
@@ -48,23 +123,14 @@ impl Bar {
         if !losses.is_empty() {
             self.losses = losses.join(", ");
         }
-        self.bar.set_position(if self.env_steps.is_some() { env_steps } else { elapsed as u64 });
-        let left = self.seconds_left(env_steps, elapsed);
+        let by_steps = self.limits.env_steps.is_some();
+        self.bar.set_position(if by_steps { env_steps } else { elapsed as u64 });
+        let left = self.limits.seconds_left(env_steps, elapsed);
         let success = self.success.as_deref().unwrap_or("-");
         self.bar.set_message(format!(
             "step {env_steps}, success {success}, {}, at most {left:.0} s left",
             self.losses
         ));
-    }
-
-    /// What is left until the number of steps or the minutes end the run.
-    fn seconds_left(&self, env_steps: u64, elapsed: f64) -> f64 {
-        let of_cap = (self.seconds - elapsed).max(0.0);
-        let of_steps = self
-            .env_steps
-            .filter(|_| env_steps > 0)
-            .map(|most| elapsed * (most.saturating_sub(env_steps)) as f64 / env_steps as f64);
-        of_steps.map_or(of_cap, |seconds| seconds.min(of_cap))
     }
 
     /// Shows a validation's success from now on.
@@ -82,12 +148,29 @@ impl Bar {
     }
 }
 
+impl Limits {
+    /// Seconds until the number of steps or the minutes end the run.
+    fn seconds_left(&self, env_steps: u64, elapsed: f64) -> f64 {
+        let of_cap = (self.seconds - elapsed).max(0.0);
+        let of_steps = self
+            .env_steps
+            .filter(|_| env_steps > 0)
+            .map(|most| seconds_left(elapsed, env_steps, most));
+        of_steps.map_or(of_cap, |seconds| seconds.min(of_cap))
+    }
+}
+
+/// Seconds that the rest of `n_parts` will take when the first `n_done` took `elapsed`.
+fn seconds_left(elapsed: f64, n_done: u64, n_parts: u64) -> f64 {
+    elapsed * n_parts.saturating_sub(n_done) as f64 / n_done.max(1) as f64
+}
+
 /// A line for people, on standard error; nobody may be listening.
 fn say(text: &str) {
     let _ = writeln!(io::stderr(), "{text}");
 }
 
-/// How many updates a run makes in a second, from its first ones.
+/// Updates that a run makes in a second, from its first ones.
 #[derive(Debug)]
 pub(super) struct Meter {
     updates: u64,
@@ -130,7 +213,7 @@ pub(super) fn networks_line(agent: &Agent, updates_per_second: Option<f64>) -> S
     format!("networks: {}{rate}", costs.collect::<Vec<_>>().join("; "))
 }
 
-/// What an update of Q-attention will take where that is long: `forward_seconds` for a forward pass
+/// A warning of how long an update of Q-attention will take, where that is long: `forward_seconds` for a forward pass
 /// of one scene here.
 pub(super) fn slowness(batch: usize, forward_seconds: f64, minutes: f64) -> Option<String> {
     /// Passes of the batch in an update: online and target network on what came next, one pass with
@@ -171,10 +254,24 @@ mod tests {
 
     #[test]
     fn time_left_is_the_sooner_of_steps_and_minutes() {
-        let bar = Bar::new(Some(100), 60.0);
-        assert_eq!(bar.seconds_left(0, 10.0), 50.0);
-        assert_eq!(bar.seconds_left(50, 10.0), 10.0);
-        assert_eq!(bar.seconds_left(1, 10.0), 50.0);
-        assert_eq!(Bar::new(None, 60.0).seconds_left(50, 70.0), 0.0);
+        let limits = Limits { env_steps: Some(100), seconds: 60.0 };
+        assert_eq!(limits.seconds_left(0, 10.0), 50.0);
+        assert_eq!(limits.seconds_left(50, 10.0), 10.0);
+        assert_eq!(limits.seconds_left(1, 10.0), 50.0);
+        let by_time = Limits { env_steps: None, seconds: 60.0 };
+        assert_eq!(by_time.seconds_left(50, 70.0), 0.0);
+    }
+
+    #[test]
+    fn the_rest_of_a_phase_takes_as_long_as_what_is_done() {
+        assert_eq!(seconds_left(12.0, 3, 10), 28.0);
+        assert_eq!(seconds_left(12.0, 10, 10), 0.0);
+        assert!(seconds_left(12.0, 0, 10).is_finite());
+    }
+
+    #[test]
+    fn phases_are_told_in_words() {
+        assert_eq!(Phase::DemonstrationUpdates.to_string(), "updates on demonstrations");
+        assert_eq!(Phase::Training.to_string(), "training");
     }
 }

@@ -1,37 +1,31 @@
 //! A run with the files that it writes.
 
-use super::super::Result;
-use super::super::eval::{evaluation_report, simulator};
-use super::demonstrations::{self, Demonstrated};
-use super::progress::{Bar, Meter, networks_line, slowness};
-use super::{Arguments, Report, ValidationPoint, load_config};
+mod evaluating;
+
+use super::demonstrations;
+use super::interruption::{Interruption, continuing_command};
+use super::progress::{Bar, Limits, Meter, Phase, networks_line, slowness};
+use super::setup::{config_toml, demonstrate, refuse_other_run};
+use super::{Arguments, Report, ValidationPoint};
 use crate::animation;
 use crate::artist::{Artist, BEAUTY, Size};
+use crate::cli::eval::evaluation_report;
+use crate::cli::failure::{Failure, Result};
+use crate::cli::settings::load_config;
+use crate::cli::simulator::simulator;
 use crate::episode::EpisodeFile;
 use crate::files;
 use crate::images;
 use crate::metrics::{self, MetricsWriter};
 use crate::run_directory;
 use crate::tensorboard::EventWriter;
-use core::fmt;
-use core::ops::Range;
-use lpr_core::agent::{Eyes, Method, PoseSource};
-use lpr_core::config::Config;
+use evaluating::{VALIDATION_SEEDS, Validation};
+use lpr_core::agent::{Eyes, PoseSource};
 use lpr_core::env::Environment as _;
-use lpr_core::evaluate::{evaluate, measure_regret};
 use lpr_core::sim::SimEnvironment;
 use lpr_core::train::{Metrics, Run, StepLog, Trainer};
-use serde::Serialize;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// Scene seeds that stopping and tuning look at.
-const VALIDATION_SEEDS: u64 = 1000;
-/// Scenes of a validation in which every candidate is executed.
-const REGRET_SCENES: u64 = 3;
-/// Scene seeds of the final evaluation, used once.
-const TEST_SEEDS: Range<u64> = 5000..5100;
-/// Scene seeds that validations take their scenes from, each other ones.
-const N_VALIDATION_SEEDS: u64 = 1000;
 /// Validation success at which a run stops by itself.
 const GOOD_ENOUGH: f64 = 0.97;
 /// Validations in a row that have to be that good together. With three, of a run that validates
@@ -39,9 +33,6 @@ const GOOD_ENOUGH: f64 = 0.97;
 const GOOD_VALIDATIONS: usize = 5;
 /// Size of the animations that checkpoints leave.
 const ANIMATION_SIZE: Size = Size { width: 240, height: 180 };
-
-/// The table of `config.toml` that says what the run was of; a preset has none.
-pub(super) const RUN_TABLE: &str = "run";
 
 /// A run with the files that it writes.
 pub(super) struct Session<'a> {
@@ -54,18 +45,24 @@ pub(super) struct Session<'a> {
     demonstrations_only: Option<ValidationPoint>,
     /// All so far, the one after demonstrations alone first.
     validations: Vec<ValidationPoint>,
+    /// Some training episode has succeeded.
+    succeeded: bool,
     bar: Bar,
     meter: Meter,
+    interruption: Interruption,
 }
 
-/// What a validation found.
-struct Validation {
-    point: ValidationPoint,
-    metrics: Metrics,
+/// The parts of a run that was made or found.
+struct Parts {
+    trainer: Trainer<SimEnvironment>,
+    environment: SimEnvironment,
+    metrics: MetricsWriter,
+    events: EventWriter,
+    bar: Bar,
 }
 
 impl<'a> Session<'a> {
-    pub(super) fn create(arguments: &'a Arguments) -> Result<Self> {
+    pub(super) fn create(arguments: &'a Arguments, interruption: Interruption) -> Result<Self> {
         let mut config = load_config(&arguments.preset)?;
         if let Some(demos) = arguments.demos {
             config.training.demonstrations = demos;
@@ -80,17 +77,8 @@ impl<'a> Session<'a> {
         };
         let environment = simulator(&arguments.task, arguments.robot.robot, &run.cameras, &config)?;
         files::refuse_non_empty(&arguments.out)?;
-        let demos = match &arguments.demo_dir {
-            Some(directory) => {
-                demonstrations::of_directory(&environment, &config.demos, directory)?
-            }
-            None => demonstrations::scripted(
-                &environment,
-                &config.demos,
-                run.seed,
-                config.training.demonstrations,
-            )?,
-        };
+        let (mut bar, before) = (new_bar(arguments), Instant::now());
+        let demos = demonstrate(arguments, &environment, &config, &mut bar, &interruption)?;
         config.training.demonstrations = demos.len();
         let text = config_toml(&config, &run, environment.robot().name, &demos)?;
         let mut trainer = Trainer::new(config, run, environment.clone())?;
@@ -98,13 +86,17 @@ impl<'a> Session<'a> {
         run_directory::create(&arguments.out, &text)?;
         let metrics = MetricsWriter::create(&arguments.out)?;
         let events = EventWriter::create(&arguments.out, wall_clock())?;
-        let mut session = Self::new(arguments, trainer, environment, metrics, events);
+        let parts = Parts { trainer, environment, metrics, events, bar };
+        let mut session = Self::new(arguments, parts, interruption);
+        let n_demos = session.trainer.config().training.demonstrations;
+        let seconds = before.elapsed().as_secs_f64();
+        session.bar.say(&format!("{}: {n_demos} in {seconds:.0} s", Phase::Demonstrations));
         session.warn_if_slow();
         session.learn_from_demonstrations()?;
         Ok(session)
     }
 
-    pub(super) fn resume(arguments: &'a Arguments) -> Result<Self> {
+    pub(super) fn resume(arguments: &'a Arguments, interruption: Interruption) -> Result<Self> {
         let (step, checkpoint) = run_directory::latest(&arguments.out)?;
         let unusable = |error| run_directory::unusable(&arguments.out, step, &error);
         let header = lpr_core::checkpoint::read_header(&checkpoint.weights).map_err(unusable)?;
@@ -115,10 +107,16 @@ impl<'a> Session<'a> {
         run_directory::clean(&arguments.out)?;
         let metrics = MetricsWriter::resume(&arguments.out, step)?;
         let events = EventWriter::resume(&arguments.out, step)?;
-        let mut session = Self::new(arguments, trainer, environment, metrics, events);
-        session.bar.say(&format!("resumed at environment step {step}"));
+        let bar = new_bar(arguments);
+        bar.say(&format!("resumed at environment step {step}"));
+        let parts = Parts { trainer, environment, metrics, events, bar };
+        let mut session = Self::new(arguments, parts, interruption);
         session.recall_time()?;
         session.recall_validations()?;
+        session.recall_success()?;
+        if session.trainer.demonstration_updates_left() > 0 {
+            session.learn_from_demonstrations()?;
+        }
         Ok(session)
     }
 
@@ -133,7 +131,7 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// What the validations before the checkpoint found: it decides when to stop, and the first is
+    /// Results of the validations before the checkpoint: they decide when to stop, and the first is
     /// reported.
     fn recall_validations(&mut self) -> Result<()> {
         let episodes = metrics::history(&self.arguments.out, "validation/episodes")?;
@@ -148,13 +146,15 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    fn new(
-        arguments: &'a Arguments,
-        trainer: Trainer<SimEnvironment>,
-        environment: SimEnvironment,
-        metrics: MetricsWriter,
-        events: EventWriter,
-    ) -> Self {
+    /// The first success is announced once in a run.
+    fn recall_success(&mut self) -> Result<()> {
+        let successes = metrics::history(&self.arguments.out, "episode/success")?;
+        self.succeeded = successes.iter().any(|&(_, success)| success > 0.0);
+        Ok(())
+    }
+
+    fn new(arguments: &'a Arguments, parts: Parts, interruption: Interruption) -> Self {
+        let Parts { trainer, environment, metrics, events, bar } = parts;
         Self {
             arguments,
             trainer,
@@ -164,12 +164,14 @@ impl<'a> Session<'a> {
             started: Instant::now(),
             demonstrations_only: None,
             validations: Vec::new(),
-            bar: Bar::new(arguments.env_steps, 60.0 * arguments.minutes),
+            succeeded: false,
+            bar,
             meter: Meter::new(),
+            interruption,
         }
     }
 
-    /// Says before it starts what a large network will cost.
+    /// Warns of a large network before it starts.
     fn warn_if_slow(&mut self) {
         let observation = self.environment.observe();
         let agent = self.trainer.agent();
@@ -196,13 +198,19 @@ impl<'a> Session<'a> {
             // The first update comes late: sizes are told now, and once more with the rate.
             self.bar.say(&networks_line(self.trainer.agent(), None));
         }
+        self.bar.announce(Phase::DemonstrationUpdates, total, &total.to_string());
         while self.trainer.demonstration_updates_left() > 0 {
+            self.stop_if_interrupted()?;
             let start = Instant::now();
-            let metrics = self.trainer.update()?;
+            self.trainer.update()?;
             self.measure_rate(1, start);
-            self.bar.show(0, self.started.elapsed().as_secs_f64(), &metrics);
+            self.bar.advance(total - self.trainer.demonstration_updates_left());
         }
-        let Validation { point, .. } = self.validate()?;
+        // A run that was killed between this validation and its checkpoint knows it already.
+        let point = match self.demonstrations_only {
+            Some(point) => point,
+            None => self.validate()?.point,
+        };
         self.bar.say(&format!(
             "after {total} updates on demonstrations alone ({:.0} s): {} of {} validation episodes",
             self.started.elapsed().as_secs_f64(),
@@ -213,25 +221,69 @@ impl<'a> Session<'a> {
         self.save()
     }
 
-    /// Trains until something stops it; says what.
+    /// Trains until something stops it, whose name is returned.
     pub(super) fn train(&mut self) -> Result<&'static str> {
+        self.bar.enter_training();
+        self.bar.say(&format!("{}: {}", Phase::Training, end_of_training(self.arguments)));
         loop {
+            self.stop_if_interrupted()?;
             if let Some(reason) = self.reason_to_stop() {
-                self.bar.finish();
                 return Ok(reason);
             }
             let (start, before) = (Instant::now(), self.n_updates());
             let log = self.trainer.step()?;
             self.measure_rate(log.updates - before, start);
             self.write(&log)?;
+            self.announce_first_success(&log);
             let steps = log.progress.env_steps;
             self.bar.show(steps, self.started.elapsed().as_secs_f64(), &log.metrics);
             if steps % self.trainer.config().training.validation_interval == 0 {
                 let validation = self.validate()?;
                 self.report_progress(steps, &validation);
                 self.save()?;
+                self.bar.enter_training();
             }
         }
+    }
+
+    fn announce_first_success(&mut self, log: &StepLog) {
+        let Some(episode) = log.episode.as_ref().filter(|episode| episode.success) else { return };
+        if self.succeeded {
+            return;
+        }
+        self.succeeded = true;
+        self.bar.say(&format!(
+            "first success: training episode {}, environment step {}, {:.0} s",
+            episode.episode,
+            log.progress.env_steps,
+            self.started.elapsed().as_secs_f64()
+        ));
+    }
+
+    /// Ends the run in good order when a signal has asked for that.
+    fn stop_if_interrupted(&self) -> Result<()> {
+        if !self.interruption.has_come() {
+            return Ok(());
+        }
+        self.bar.finish();
+        self.save_checkpoint()?;
+        let out = self.arguments.out.display();
+        self.bar.say(&format!("saved at environment step {}", self.trainer.progress().env_steps));
+        self.bar.say(&format!("{}; all metrics: {out}/{}", self.curve()?, metrics::FILE_NAME));
+        let command = continuing_command(std::env::args_os());
+        self.bar.say(&format!("continue with: {command}"));
+        Err(Failure::Interrupted)
+    }
+
+    /// Success of the validations so far, in a line.
+    fn curve(&self) -> Result<String> {
+        let rates = metrics::history(&self.arguments.out, "validation/success_rate")?;
+        if rates.is_empty() {
+            return Ok("no validation so far".to_owned());
+        }
+        let points = rates.iter().map(|(step, rate)| format!("{:.0} % at {step}", 100.0 * rate));
+        let points: Vec<_> = points.collect();
+        Ok(format!("validation success by environment step: {}", points.join(", ")))
     }
 
     fn reason_to_stop(&self) -> Option<&'static str> {
@@ -258,44 +310,6 @@ impl<'a> Session<'a> {
         if let Some(rate) = self.meter.count(updates, since) {
             self.bar.say(&networks_line(self.trainer.agent(), Some(rate)));
         }
-    }
-
-    /// Success on the validation scenes, what the chosen paths were worth and, with the
-    /// demonstrator's poses, how far they stay behind the best candidates.
-    fn validate(&mut self) -> Result<Validation> {
-        let n = self.trainer.config().training.validation_episodes;
-        let mut values = Vec::new();
-        // Fresh scenes each time: chance on one set of them would decide when to stop.
-        let first = VALIDATION_SEEDS
-            + self.validations.len() as u64 * n % N_VALIDATION_SEEDS.saturating_sub(n).max(1);
-        let seeds = |n| first..first + n;
-        let agent = self.trainer.agent();
-        let found = evaluate(agent, &mut self.environment, seeds(n), |episode| {
-            values.extend_from_slice(&episode.values)
-        })?;
-        let mut metrics = Metrics::default();
-        metrics.push("validation/episodes", found.episodes as f32);
-        metrics.push("validation/successes", found.successes as f32);
-        metrics.push("validation/success_rate", found.success_rate() as f32);
-        metrics.push_mean("validation/value_chosen", values.iter().map(|value| value.expected));
-        metrics.push_mean("validation/value_realised", values.iter().map(|value| value.realised));
-        metrics.push_mean(
-            "validation/value_error",
-            values.iter().map(|value| (value.expected - value.realised).abs()),
-        );
-        if agent.poses() == PoseSource::Oracle && agent.method().has_ranker() {
-            let regret = measure_regret(agent, &mut self.environment, seeds(n.min(REGRET_SCENES)))?;
-            metrics.push_mean(
-                "validation/regret",
-                regret.mean().into_iter().map(|regret| regret as f32),
-            );
-        }
-        let point = ValidationPoint::new(found.episodes, found.successes);
-        self.validations.push(point);
-        self.bar.set_success(point.successes, point.episodes);
-        let validation = Validation { point, metrics };
-        self.write_metrics(self.trainer.progress().env_steps, &validation.metrics)?;
-        Ok(validation)
     }
 
     fn write(&mut self, log: &StepLog) -> Result<()> {
@@ -335,10 +349,14 @@ impl<'a> Session<'a> {
 
     /// A checkpoint, and with it an episode of the agent as it is now.
     fn save(&mut self) -> Result<()> {
+        self.save_checkpoint()?;
+        self.save_episode(self.trainer.progress().env_steps)
+    }
+
+    fn save_checkpoint(&self) -> Result<()> {
         let checkpoint = self.trainer.checkpoint()?;
         let step = self.trainer.progress().env_steps;
-        run_directory::save(&self.arguments.out, step, &checkpoint)?;
-        self.save_episode(step)
+        Ok(run_directory::save(&self.arguments.out, step, &checkpoint)?)
     }
 
     /// The first validation scene as an episode file and as an animation, so that what was learned
@@ -359,7 +377,8 @@ impl<'a> Session<'a> {
     pub(super) fn finish(mut self, stopped_by: &'static str) -> Result<Report> {
         let wall_seconds = self.started.elapsed().as_secs_f64();
         self.save()?;
-        let found = evaluate(self.trainer.agent(), &mut self.environment, TEST_SEEDS, |_| {})?;
+        let found = self.test()?;
+        self.bar.finish();
         let progress = self.trainer.progress();
         let report = Report {
             task: self.arguments.task.name.clone(),
@@ -383,7 +402,20 @@ impl<'a> Session<'a> {
     }
 }
 
-/// Whether the last validations together say that the task is learned.
+fn new_bar(arguments: &Arguments) -> Bar {
+    Bar::new(Limits { env_steps: arguments.env_steps, seconds: 60.0 * arguments.minutes })
+}
+
+/// The ends of training, in words.
+fn end_of_training(arguments: &Arguments) -> String {
+    let steps = arguments.env_steps.map(|steps| format!("{steps} environment steps"));
+    let successes = arguments.stop_after_successes.map(|most| format!("{most} successes in a row"));
+    let minutes = Some(format!("{} minutes", arguments.minutes));
+    let ends: Vec<_> = [steps, successes, minutes].into_iter().flatten().collect();
+    format!("until {}, or good validations", ends.join(", "))
+}
+
+/// Holds when the last validations together say that the task is learned.
 fn is_good_enough(validations: &[ValidationPoint]) -> bool {
     let Some(last) = validations.last_chunk::<GOOD_VALIDATIONS>() else { return false };
     let successes: u64 = last.iter().map(|point| point.successes).sum();
@@ -391,50 +423,6 @@ fn is_good_enough(validations: &[ValidationPoint]) -> bool {
     successes as f64 >= GOOD_ENOUGH * episodes as f64
 }
 
-/// Refuses to go on with a run of other options than those that are given. Options with their
-/// default value may be left out.
-fn refuse_other_run(arguments: &Arguments, run: &Run) -> lpr_core::Result<()> {
-    let differs = |option: &str, found: &dyn fmt::Display, asked: &dyn fmt::Display| {
-        Err(lpr_core::Error::Checkpoint(format!(
-            "of {option} `{found}`, asked to resume `{asked}`"
-        )))
-    };
-    if run.task != arguments.task.name {
-        return differs("task", &run.task, &arguments.task.name);
-    }
-    if arguments.method != Method::Lpr && arguments.method != run.method {
-        return differs("method", &run.method.name(), &arguments.method.name());
-    }
-    if arguments.seed != 0 && arguments.seed != run.seed {
-        return differs("seed", &run.seed, &arguments.seed);
-    }
-    if arguments.oracle_poses && run.poses == PoseSource::Learned {
-        return differs("poses", &"learned", &"--oracle-poses");
-    }
-    Ok(())
-}
-
 fn wall_clock() -> f64 {
     SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |since| since.as_secs_f64())
-}
-
-/// `config.toml`: every setting, and what the run is of. As a preset it is read without the latter.
-fn config_toml(config: &Config, run: &Run, robot: &str, demos: &[Demonstrated]) -> Result<String> {
-    #[derive(Serialize)]
-    struct Section<'a> {
-        run: RunSection<'a>,
-    }
-    #[derive(Serialize)]
-    struct RunSection<'a> {
-        robot: &'a str,
-        #[serde(flatten)]
-        run: &'a Run,
-        /// Scene seeds.
-        demonstrations: Vec<u64>,
-    }
-    let demonstrations = demos.iter().map(|demo| demo.scene_seed).collect();
-    let section = Section { run: RunSection { robot, run, demonstrations } };
-    let section = toml::to_string(&section)
-        .map_err(|error| lpr_core::Error::Config(format!("--seed: {error}")))?;
-    Ok(format!("{}\n{section}", config.to_toml()))
 }

@@ -4,8 +4,8 @@
 //! below 1024, or for Unix sockets in `/tmp`: `--uds /tmp`.
 
 use super::super::{Failure, Format, Result};
-use super::signals::Signals;
 use crate::files::FileError;
+use crate::signals::Signals;
 use clap::Args;
 use core::fmt;
 use lpr_core::robot::{DOF, JointConfig, XARM7};

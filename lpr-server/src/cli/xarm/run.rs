@@ -5,9 +5,9 @@
 //! no frame is sent that enables or moves anything.
 
 use super::super::{Failure, Result};
-use super::signals::Signals;
 use crate::files::FileError;
 use crate::run_directory;
+use crate::signals::Signals;
 use clap::Args;
 use core::fmt;
 use core::net::IpAddr;
@@ -133,7 +133,7 @@ pub(in super::super) fn run(arguments: &Arguments) -> Result<Report> {
     let task = Task::by_name(&header.run.task)
         .map_err(|error| FileError::content(run, error.to_string()))?;
     let mut env =
-        super::super::eval::simulator(&task, &XARM7, &header.run.cameras, &header.config)?;
+        crate::cli::simulator::simulator(&task, &XARM7, &header.run.cameras, &header.config)?;
     env.reset(*seed)?;
     let mut env = env.around(measured)?;
     let draws = Draws::greedy(CandidateStreams { seed: *seed, step: 0 });

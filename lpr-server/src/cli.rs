@@ -4,13 +4,16 @@
 //! Exit status 0: done, 1: failed, 2: wrong usage. A failure is one line on standard error that
 //! names the value at fault.
 
+mod arguments;
 mod arm;
 mod bench;
 mod demo;
 mod eval;
+mod failure;
 mod fk;
 mod gallery;
 mod ik;
+mod output;
 mod paths;
 mod placements;
 mod plan;
@@ -19,33 +22,20 @@ mod replay;
 mod robots;
 mod scene;
 mod serve;
+mod settings;
+mod simulator;
 mod tasks;
 mod train;
 mod xarm;
 
-use crate::files::FileError;
-use crate::gallery::GalleryError;
-use clap::{Args, Parser, Subcommand};
-use core::fmt::Display;
-use lpr_core::config::Config;
-use lpr_core::robot::{ROBOTS, Robot};
-use lpr_core::sim::tasks::Task;
-use lpr_xarm::client::ClientError;
-use lpr_xarm::emulator::EmulatorError;
-use lpr_xarm::executor::ExecutionError;
-use lpr_xarm::safety::SafetyError;
-use serde::Serialize;
+use clap::error::ErrorKind;
+use clap::{Parser, Subcommand};
+use failure::{Failure, Result, WRONG_USAGE};
+use output::{Format, print, print_line, report_error};
 use std::ffi::OsString;
-use std::io::{self, Write as _};
-use std::net::SocketAddr;
 use std::process::ExitCode;
-use std::sync::Arc;
-use thiserror::Error;
 
-/// Exit status of arguments that are unknown, out of range or do not go together.
-const WRONG_USAGE: u8 = 2;
-
-/// What `lpr` alone prints.
+/// Five lines for `lpr` alone.
 const INTRODUCTION: &str = "\
 lpr: robot arms that learn manipulation from a few demonstrations on a CPU (C2F-ARM with Learned Path Ranking).
   lpr tasks                                   the tasks; lpr robots: the arms
@@ -130,87 +120,6 @@ impl Command {
     }
 }
 
-/// The option that chooses the arm.
-#[derive(Debug, Clone, Copy, Args)]
-struct RobotArgument {
-    /// The arm: xarm7 or panda
-    #[arg(long, value_name = "NAME", value_parser = Robot::by_name, default_value = ROBOTS[0].name)]
-    robot: &'static Robot,
-}
-
-/// The argument that chooses the task.
-#[derive(Debug, Clone, Args)]
-struct TaskArgument {
-    /// The task, one of `lpr tasks`
-    #[arg(value_name = "TASK", value_parser = Task::by_name)]
-    task: Arc<Task>,
-}
-
-/// The default preset, for commands that look at scenes and candidates without a run.
-fn default_preset() -> Config {
-    Config::preset("fast").expect("the preset is built in and parses")
-}
-
-/// The scenes of `episodes` episodes from `seed` on.
-fn scene_seeds(seed: u64, episodes: u32) -> impl Iterator<Item = u64> {
-    (0..u64::from(episodes)).map(move |episode| seed.wrapping_add(episode))
-}
-
-/// How a report is printed.
-#[derive(Debug, Clone, Copy)]
-enum Format {
-    Json,
-    Table,
-}
-
-/// Why a command failed.
-#[derive(Debug, Error)]
-enum Failure {
-    /// Input that the algorithms refuse.
-    #[error(transparent)]
-    Core(#[from] lpr_core::Error),
-    /// A file that cannot be read or written.
-    #[error(transparent)]
-    File(#[from] FileError),
-    /// A task that cannot be shown.
-    #[error(transparent)]
-    Gallery(#[from] GalleryError),
-    /// Arguments that do not go together.
-    #[error("{0}")]
-    Usage(String),
-    /// An address at which nothing can be served.
-    #[error("--bind {address}: {source}")]
-    Listen {
-        /// The address.
-        address: SocketAddr,
-        /// The operating system's reason.
-        source: io::Error,
-    },
-    /// The server cannot go on.
-    #[error("the server: {0}")]
-    Server(io::Error),
-    /// An emulator that cannot start.
-    #[error(transparent)]
-    Emulator(#[from] EmulatorError),
-    /// A controller that cannot be reached or does not answer.
-    #[error(transparent)]
-    Client(#[from] ClientError),
-    /// A path that the arm must not run.
-    #[error("the path is not safe: {0}")]
-    Safety(#[from] SafetyError),
-    /// A path that was not run to its end.
-    #[error(transparent)]
-    Execution(#[from] ExecutionError),
-    /// The agent proposes nothing to run.
-    #[error("the agent found no path: {0}")]
-    NoPath(String),
-    /// Standard output is closed or full.
-    #[error("cannot write to standard output: {0}")]
-    Output(#[from] io::Error),
-}
-
-type Result<T, E = Failure> = core::result::Result<T, E>;
-
 /// Runs the command line `arguments`, of which the first is the program's name.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     let cli = match Cli::try_parse_from(arguments) {
@@ -225,28 +134,57 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     exit_status(done)
 }
 
+/// Parses the command line `arguments` without running it; the first argument is the program's
+/// name. Files that it names need not exist. Tests check the commands of the documentation with it.
+///
+/// # Errors
+///
+/// The message of wrong usage, as the program would print it after `error: `.
+///
+/// ```
+/// use lpr_server::cli::check_command_line;
+///
+/// assert!(check_command_line(["lpr", "train", "reach_target", "--out", "run"]).is_ok());
+/// assert!(check_command_line(["lpr", "train", "--help"]).is_ok());
+/// let message = check_command_line(["lpr", "train", "juggle", "--out", "run"]).unwrap_err();
+/// assert!(message.contains("juggle") && message.contains("reach_target"), "{message}");
+/// ```
+pub fn check_command_line<A: Into<OsString> + Clone>(
+    arguments: impl IntoIterator<Item = A>,
+) -> core::result::Result<(), String> {
+    match Cli::try_parse_from(arguments) {
+        Ok(_) => Ok(()),
+        Err(error) if answers_a_question(&error) => Ok(()),
+        Err(error) => Err(message_of(&error)),
+    }
+}
+
 /// The exit status of a command, after saying why it failed.
 fn exit_status(done: Result<()>) -> ExitCode {
-    match done {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            report_error(&failure.to_string());
-            if matches!(failure, Failure::Usage(_)) {
-                WRONG_USAGE.into()
-            } else {
-                ExitCode::FAILURE
-            }
-        }
+    let Err(failure) = done else { return ExitCode::SUCCESS };
+    if !matches!(failure, Failure::Interrupted) {
+        report_error(&failure.to_string());
     }
+    failure.exit_status().into()
 }
 
 /// Answers wrong usage with status 2, and `--help` and `--version`, which clap also calls errors,
 /// with 0.
 fn refuse(error: &clap::Error) -> ExitCode {
-    if !error.use_stderr() {
+    if answers_a_question(error) {
         return exit_status(print_line(error.to_string().trim_end()));
     }
-    // clap's message is followed by paragraphs of tips, usage and a pointer to --help.
+    report_error(&message_of(error));
+    WRONG_USAGE.into()
+}
+
+/// Holds for `--help` and `--version`.
+fn answers_a_question(error: &clap::Error) -> bool {
+    matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion)
+}
+
+/// The message of wrong usage: clap's, without the paragraphs of usage and the pointer to --help.
+fn message_of(error: &clap::Error) -> String {
     let message = error.to_string();
     let said: Vec<_> = message
         .split("\n\n")
@@ -258,28 +196,5 @@ fn refuse(error: &clap::Error) -> ExitCode {
         })
         .collect();
     let message = said.join("; ");
-    report_error(message.strip_prefix("error: ").unwrap_or(&message));
-    WRONG_USAGE.into()
-}
-
-/// Prints the one line that a failure prints.
-fn report_error(message: &str) {
-    let line = message.split_whitespace().collect::<Vec<_>>().join(" ");
-    // With standard error closed there is no one left to tell.
-    let _ = writeln!(io::stderr(), "error: {line}");
-}
-
-fn print<R: Serialize + Display>(report: &R, format: Format) -> Result<()> {
-    match format {
-        Format::Json => print_line(&serde_json::to_string(report).map_err(io::Error::from)?),
-        Format::Table => print_line(report.to_string().trim_end()),
-    }
-}
-
-/// Prints on standard output; a reader that has seen enough (`lpr … | head`) is no failure.
-fn print_line(text: &str) -> Result<()> {
-    match writeln!(io::stdout(), "{text}") {
-        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => Err(error.into()),
-        _ => Ok(()),
-    }
+    message.strip_prefix("error: ").unwrap_or(&message).to_owned()
 }

@@ -1,0 +1,27 @@
+//! Arguments that several commands share.
+
+use clap::Args;
+use lpr_core::robot::{ROBOTS, Robot};
+use lpr_core::sim::tasks::Task;
+use std::sync::Arc;
+
+/// The option that chooses the arm.
+#[derive(Debug, Clone, Copy, Args)]
+pub(super) struct RobotArgument {
+    /// The arm: xarm7 or panda
+    #[arg(long, value_name = "NAME", value_parser = Robot::by_name, default_value = ROBOTS[0].name)]
+    pub(super) robot: &'static Robot,
+}
+
+/// The argument that chooses the task.
+#[derive(Debug, Clone, Args)]
+pub(super) struct TaskArgument {
+    /// The task, one of `lpr tasks`
+    #[arg(value_name = "TASK", value_parser = Task::by_name)]
+    pub(super) task: Arc<Task>,
+}
+
+/// The scenes of `episodes` episodes from `seed` on.
+pub(super) fn scene_seeds(seed: u64, episodes: u32) -> impl Iterator<Item = u64> {
+    (0..u64::from(episodes)).map(move |episode| seed.wrapping_add(episode))
+}

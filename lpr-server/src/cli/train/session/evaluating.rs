@@ -1,0 +1,96 @@
+//! Validations of a run, and its final evaluation.
+
+use super::{Session, ValidationPoint};
+use crate::cli::failure::Result;
+use crate::cli::train::progress::Phase;
+use core::ops::Range;
+use lpr_core::agent::PoseSource;
+use lpr_core::evaluate::{Evaluation, evaluate, measure_regret};
+use lpr_core::train::Metrics;
+
+/// Scene seeds that stopping and tuning look at.
+pub(super) const VALIDATION_SEEDS: u64 = 1000;
+/// Scene seeds that validations take their scenes from, each other ones.
+const N_VALIDATION_SEEDS: u64 = 1000;
+/// Scenes of a validation in which every candidate is executed.
+const REGRET_SCENES: u64 = 3;
+/// Scene seeds of the final evaluation, used once.
+const TEST_SEEDS: Range<u64> = 5000..5100;
+
+/// Success and measurements of a validation.
+pub(super) struct Validation {
+    pub(super) point: ValidationPoint,
+    pub(super) metrics: Metrics,
+}
+
+impl Session<'_> {
+    /// Success on the validation scenes, what the chosen paths were worth and, with the
+    /// demonstrator's poses, how far they stay behind the best candidates.
+    pub(super) fn validate(&mut self) -> Result<Validation> {
+        let n = self.trainer.config().training.validation_episodes;
+        let mut values = Vec::new();
+        // Fresh scenes each time: chance on one set of them would decide when to stop.
+        let first = VALIDATION_SEEDS
+            + self.validations.len() as u64 * n % N_VALIDATION_SEEDS.saturating_sub(n).max(1);
+        let seeds = |n| first..first + n;
+        let agent = self.trainer.agent();
+        self.bar.enter(Phase::Validation, n);
+        let found = evaluate(agent, &mut self.environment, seeds(n), |episode| {
+            values.extend_from_slice(&episode.values);
+            self.bar.advance(episode.scene_seed + 1 - first);
+        })?;
+        let mut metrics = Metrics::default();
+        metrics.push("validation/episodes", found.episodes as f32);
+        metrics.push("validation/successes", found.successes as f32);
+        metrics.push("validation/success_rate", found.success_rate() as f32);
+        metrics.push_mean("validation/value_chosen", values.iter().map(|value| value.expected));
+        metrics.push_mean("validation/value_realised", values.iter().map(|value| value.realised));
+        metrics.push_mean(
+            "validation/value_error",
+            values.iter().map(|value| (value.expected - value.realised).abs()),
+        );
+        if agent.poses() == PoseSource::Oracle && agent.method().has_ranker() {
+            let regret = measure_regret(agent, &mut self.environment, seeds(n.min(REGRET_SCENES)))?;
+            metrics.push_mean(
+                "validation/regret",
+                regret.mean().into_iter().map(|regret| regret as f32),
+            );
+        }
+        let point = ValidationPoint::new(found.episodes, found.successes);
+        self.validations.push(point);
+        self.bar.set_success(point.successes, point.episodes);
+        let validation = Validation { point, metrics };
+        self.write_metrics(self.trainer.progress().env_steps, &validation.metrics)?;
+        Ok(validation)
+    }
+
+    /// The final evaluation.
+    pub(super) fn test(&mut self) -> Result<Evaluation> {
+        let n_episodes = TEST_SEEDS.end - TEST_SEEDS.start;
+        let text = format!("{n_episodes} episodes");
+        self.bar.announce(Phase::FinalEvaluation, n_episodes, &text);
+        let mut found = Evaluation::default();
+        for seed in TEST_SEEDS {
+            self.stop_if_interrupted()?;
+            let agent = self.trainer.agent();
+            add(&mut found, evaluate(agent, &mut self.environment, seed..seed + 1, |_| {})?);
+            self.bar.advance(found.episodes);
+        }
+        Ok(found)
+    }
+}
+
+/// Adds the counts of an evaluation in other scenes.
+fn add(all: &mut Evaluation, some: Evaluation) {
+    let Evaluation { episodes, successes, chosen, failures, policy_valid, steps } = some;
+    all.episodes += episodes;
+    all.successes += successes;
+    all.policy_valid += policy_valid;
+    all.steps += steps;
+    for (source, count) in chosen {
+        *all.chosen.entry(source).or_default() += count;
+    }
+    for (reason, count) in failures {
+        *all.failures.entry(reason).or_default() += count;
+    }
+}
