@@ -3,7 +3,7 @@
 # without it.
 ALL := --locked --workspace --features lpr-core/ndarray
 
-.PHONY: check setup fmt lint deny doc book page planner gallery test test-doc package tools faults bench-wasm
+.PHONY: check setup fmt lint deny doc book docs-long page planner gallery test test-doc package tools faults bench-wasm
 
 check: setup fmt lint deny doc book page planner test test-doc package
 
@@ -26,9 +26,13 @@ deny:
 doc:
 	RUSTDOCFLAGS=-Dwarnings cargo doc $(ALL) --no-deps
 
-# The book in docs, in target/book.
+# The book, in target/book.
 book:
-	if [ -e docs/book.toml ]; then mdbook build docs --dest-dir "$(CURDIR)/target/book"; fi
+	mdbook build docs
+
+# Every command of README and book, in order; hours.
+docs-long:
+	tests/docs_long.sh
 
 # With the page's tests, which visit what `make page` has built.
 test: tools

@@ -2,7 +2,6 @@
 //! over them.
 //!
 //! ```
-//! use lpr_core::env::Environment as _;
 //! use lpr_core::path::JointPath;
 //! use lpr_core::robot::{Gripper, XARM7};
 //! use lpr_core::sim::tasks::Task;

@@ -11,22 +11,24 @@
 
 mod child;
 mod data_directory;
-mod events;
+mod event;
 mod folder;
 mod job;
 mod rows;
 mod spec;
 mod state;
 mod store;
+mod store_error;
 mod tail;
 mod worker;
 
 pub use data_directory::DataDirectory;
-pub use events::{Event, EventKind};
-pub use job::{Job, JobId, Transition};
+pub use event::{Event, EventKind};
+pub use job::{Claim, Job, JobId, Transition};
 pub use spec::{JobSpec, SpecError, pointer};
 pub use state::{Change, Reason, Refused, State};
-pub use store::{Claim, Ended, Filter, SqliteStore, StoreError, Submitted};
+pub use store::{Ended, Filter, SqliteStore, Submitted};
+pub use store_error::StoreError;
 pub use worker::Worker;
 
 use std::io::{self, Write as _};

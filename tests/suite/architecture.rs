@@ -137,6 +137,41 @@ fn nothing_that_decides_a_candidate_is_fused() {
     }
 }
 
+/// Files below `folder` whose code holds `call`, tests aside.
+fn callers(call: &str) -> Vec<String> {
+    let is_test = |file: &Path| {
+        file.ends_with("tests.rs") || file.components().any(|part| part.as_os_str() == "tests")
+    };
+    let lines = code_below("").into_iter().filter(|line| !is_test(&line.file));
+    let mut files: Vec<_> = lines
+        .filter(|line| line.code.contains(call))
+        .map(|line| line.file.display().to_string())
+        .collect();
+    files.dedup();
+    files
+}
+
+/// "Look, choose a pose, act" stands in one function, which everything else calls.
+#[test]
+fn lines_6_to_12_of_algorithm_1_are_one_function() {
+    assert_eq!(callers("self.goal(environment"), ["lpr-core/src/agent.rs"], "decide looks");
+    assert_eq!(callers("self.act("), ["lpr-core/src/agent.rs"], "decide acts");
+    assert!(callers("agent.goal(").is_empty(), "nobody else looks");
+    // Those that are given a pose and have nothing to look for.
+    let given = ["lpr-server/src/cli/bench.rs", "lpr-server/src/cli/paths.rs"];
+    assert_eq!(callers("agent.act("), [&given[..], &["lpr-wasm/src/check.rs"]].concat());
+    let deciding = [
+        "lpr-core/src/evaluate.rs",
+        "lpr-core/src/train.rs",
+        "lpr-server/src/cli/xarm/run.rs",
+        "lpr-wasm/src/demo.rs",
+    ];
+    assert_eq!(callers("agent.decide("), deciding, "evaluation, training, arm and page decide");
+    let executing = ["evaluate.rs", "evaluate/best_of_all.rs", "evaluate/record.rs", "train.rs"];
+    assert_eq!(callers("agent.execute("), executing.map(|file| format!("lpr-core/src/{file}")));
+    assert_eq!(callers("agent.execute_with("), ["lpr-wasm/src/demo.rs"], "it records frames");
+}
+
 #[test]
 fn files_are_short() {
     let too_long = |file: &PathBuf| {

@@ -84,8 +84,8 @@ enum Extent {
 
 /// The reason for which the command line refuses `arguments`, if it does.
 fn refused_by_the_command_line(arguments: &[String]) -> Option<String> {
-    // To be replaced by `lpr_server::cli::check_command_line`, which also notices what is missing.
-    unknown_to_the_command_line(arguments)
+    let words = core::iter::once("lpr").chain(arguments.iter().map(String::as_str));
+    lpr_server::cli::check_command_line(words).err()
 }
 
 /// The command, option or value that the command line does not know, if there is one.

@@ -89,3 +89,12 @@ pub struct Transition {
     #[schema(value_type = String, format = DateTime)]
     pub at: Timestamp,
 }
+
+/// A worker's hold on a job: writes of an earlier attempt are refused.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Claim {
+    /// The job.
+    pub id: JobId,
+    /// Which attempt at it this is.
+    pub attempt: u32,
+}

@@ -1,7 +1,7 @@
 //! Jobs as rows of the database.
 
 use super::job::{Job, JobId};
-use super::store::{Result, StoreError};
+use super::store_error::{Result, StoreError};
 use serde::de::value::{Error as WordError, StrDeserializer};
 use serde::de::{DeserializeOwned, IntoDeserializer as _};
 use sqlx::sqlite::SqliteRow;

@@ -3,11 +3,14 @@
 //! Every change is one transaction that takes the lock for writing at its start, so that it never
 //! fails half-way because another came first.
 
-use super::events::{EventKind, insert_event};
-use super::job::{Job, JobId, Transition};
+mod events;
+
+use super::event::{EventKind, insert_event};
+use super::job::{Claim, Job, JobId, Transition};
 use super::rows::{fetch, json_text, read_id, read_job, read_json, read_word, select_job};
 use super::spec::JobSpec;
-use super::state::{Change, Reason, Refused, State, Step, next};
+use super::state::{Change, Reason, State, Step, next};
+use super::store_error::{Result, StoreError};
 use crate::files::FileError;
 use core::time::Duration;
 use jiff::Timestamp;
@@ -18,7 +21,6 @@ use sqlx::sqlite::{
 };
 use sqlx::{Row as _, SqlSafeStr as _, Sqlite, SqliteConnection, Transaction, query, query_scalar};
 use std::path::Path;
-use thiserror::Error;
 use tokio::sync::watch;
 
 /// The steps from an empty database to this one, in order; a released one never changes.
@@ -30,45 +32,6 @@ const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Connections: one writes, others read meanwhile.
 const MAX_CONNECTIONS: u32 = 8;
-
-/// Why the store could not do what it was asked for.
-#[derive(Debug, Error)]
-pub enum StoreError {
-    /// The database failed.
-    #[error("database: {0}")]
-    Database(#[from] sqlx::Error),
-    /// Something in the database is not what this program writes.
-    #[error("database: a job's {column} cannot be read: {reason}")]
-    Unreadable {
-        /// Where it is.
-        column: &'static str,
-        /// What is wrong with it.
-        reason: String,
-    },
-    /// There is no such job.
-    #[error("no such job")]
-    NoSuchJob,
-    /// The job's state does not allow the change.
-    #[error(transparent)]
-    Refused(#[from] Refused),
-    /// The job has been given to another worker, or has ended.
-    #[error("the job is no longer this worker's")]
-    Stale,
-    /// The idempotency key belongs to a job of another description.
-    #[error("the key belongs to another job")]
-    KeyReused,
-}
-
-pub(super) type Result<T, E = StoreError> = core::result::Result<T, E>;
-
-/// A worker's hold on a job: writes of an earlier attempt are refused.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Claim {
-    /// The job.
-    pub id: JobId,
-    /// Which attempt at it this is.
-    pub attempt: u32,
-}
 
 /// How an attempt ended.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,6 +1,6 @@
 //! The lines that a run adds to `metrics.jsonl`.
 
-use super::events::Point;
+use super::event::Point;
 use crate::files::{FileError, Result};
 use crate::metrics;
 use std::io::{self, SeekFrom};

@@ -2,9 +2,11 @@
 
 use super::child::Process;
 use super::folder::{self, JobFolder, Log, Start};
+use super::job::Claim;
 use super::spec::{JobSpec, SpecError};
 use super::state::{Change, Reason, State};
-use super::store::{Claim, Ended, SqliteStore, StoreError};
+use super::store::{Ended, SqliteStore};
+use super::store_error::StoreError;
 use super::tail::Tail;
 use super::{Phase, report, stopping};
 use crate::files::{self, FileError};

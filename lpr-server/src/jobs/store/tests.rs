@@ -1,5 +1,5 @@
 use super::*;
-use crate::jobs::events::{Event, Point};
+use crate::jobs::event::{Event, Point};
 use serde_json::json;
 use tempfile::TempDir;
 use tokio::task::JoinSet;

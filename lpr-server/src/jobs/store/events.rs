@@ -1,50 +1,10 @@
-//! The history of what happens to jobs: one sequence, read by any number of streams at their own
-//! pace.
+//! The history of all jobs: one sequence, read by any number of streams at their own pace.
 
-use super::job::JobId;
-use super::store::{Claim, Result, SqliteStore, held};
+use super::{Claim, Result, SqliteStore, held};
+use crate::jobs::event::{Event, EventKind, Point, insert_event};
+use crate::jobs::job::JobId;
 use serde_json::json;
 use sqlx::{Row as _, SqliteConnection, query, query_scalar};
-
-/// What an event tells.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, strum::IntoStaticStr)]
-#[strum(serialize_all = "snake_case")]
-pub enum EventKind {
-    /// The job came to a state.
-    State,
-    /// A log point of the run.
-    Metric,
-    /// The run went back to a checkpoint: later points are void.
-    Rewind,
-    /// Nothing more happens to the job.
-    End,
-}
-
-impl EventKind {
-    /// Its name in streams and in the database.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        self.into()
-    }
-}
-
-/// Something that happened to a job.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Event {
-    /// Its number, which grows with time.
-    pub seq: i64,
-    /// What it tells, by the name of an [`EventKind`].
-    pub kind: String,
-    /// A JSON object.
-    pub data: String,
-}
-
-/// A line of `metrics.jsonl`.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Point {
-    pub(super) env_steps: u64,
-    pub(super) line: String,
-}
 
 impl SqliteStore {
     /// At most `limit` events of a job after number `after`, in order.
@@ -132,21 +92,4 @@ impl SqliteStore {
 async fn n_points(tx: &mut SqliteConnection, id: JobId) -> Result<u64> {
     let count = query_scalar("SELECT count(*) FROM events WHERE job = ? AND kind = 'metric'");
     Ok(count.bind(id.to_string()).fetch_one(tx).await.map(i64::cast_unsigned)?)
-}
-
-pub(super) async fn insert_event(
-    tx: &mut SqliteConnection,
-    id: JobId,
-    kind: EventKind,
-    env_steps: Option<u64>,
-    data: &str,
-) -> Result<()> {
-    let insert = query("INSERT INTO events (job, kind, env_steps, data) VALUES (?, ?, ?, ?)");
-    let insert = insert
-        .bind(id.to_string())
-        .bind(kind.name())
-        .bind(env_steps.map(u64::cast_signed))
-        .bind(data);
-    insert.execute(tx).await?;
-    Ok(())
 }
