@@ -79,7 +79,7 @@ proptest! {
 
 /// Checks the rules of every candidate set whose goal is within reach.
 fn check(query: &PathQuery<'_>, streams: CandidateStreams) -> Result<(), TestCaseError> {
-    let PathQuery { robot, start, goal, scene, .. } = *query;
+    let PathQuery { robot, start, goal, scene } = *query;
     let set = candidates(query, &settings(), streams);
     prop_assert_eq!(&set, &candidates(query, &settings(), streams));
     prop_assert!(!set.candidates.is_empty());

@@ -50,12 +50,16 @@ impl SqliteStore {
     }
 
     /// How many log points of a job are in its history: the first so many lines of `metrics.jsonl`.
-    pub(super) async fn n_points(&self, id: JobId) -> Result<u64> {
+    pub(in crate::jobs) async fn n_points(&self, id: JobId) -> Result<u64> {
         n_points(&mut *self.pool.acquire().await?, id).await
     }
 
     /// Adds log points to the history of the job that a worker holds.
-    pub(super) async fn append_points(&self, claim: Claim, points: &[Point]) -> Result<()> {
+    pub(in crate::jobs) async fn append_points(
+        &self,
+        claim: Claim,
+        points: &[Point],
+    ) -> Result<()> {
         if points.is_empty() {
             return Ok(());
         }
@@ -69,7 +73,7 @@ impl SqliteStore {
 
     /// Takes the log points that are later than the checkpoint at `env_steps` out of the history,
     /// all of them without one. An event tells those who had seen them.
-    pub(super) async fn rewind(&self, claim: Claim, env_steps: Option<u64>) -> Result<()> {
+    pub(in crate::jobs) async fn rewind(&self, claim: Claim, env_steps: Option<u64>) -> Result<()> {
         let mut tx = self.begin().await?;
         held(&mut tx, claim).await?;
         let later = query(
