@@ -35,7 +35,7 @@ use serde::{Deserialize, Serialize};
 /// Numbers per configuration: start, goal configuration, next-best pose, fraction of the way.
 const INPUTS: usize = 2 * DOF + GOAL_FEATURES + 1;
 
-/// How the policy is built and trained.
+/// Settings of the policy: its network and its training.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PolicySettings {
@@ -50,7 +50,7 @@ pub struct PolicySettings {
 pub struct PolicySample<'a> {
     /// The path.
     pub path: &'a JointPath,
-    /// Where it led.
+    /// The pose that it led to.
     pub goal: &'a NextBestPose,
     /// Importance weight from prioritised replay; 1 for uniform sampling.
     pub weight: f32,
@@ -112,8 +112,7 @@ impl Policy {
     /// The path that the policy proposes from `start` to `goal_config`, which reaches `goal`, in
     /// `n_configs` configurations.
     ///
-    /// Whether it stays within the limits and is short enough to be ranked is for the caller to
-    /// test.
+    /// The caller tests that the path stays within the limits and is short enough to be ranked.
     ///
     /// # Errors
     ///
@@ -222,7 +221,7 @@ impl Policy {
         }
     }
 
-    /// What a checkpoint stores.
+    /// State of the policy, for a checkpoint.
     #[must_use]
     pub fn state(&self) -> PolicyState {
         PolicyState { network: export(&self.network), adam: self.adam.state().clone() }

@@ -1,4 +1,4 @@
-//! What is compared between wasm and native code: the simulator's results, and its speed.
+//! Results that are compared between wasm and native code: the simulator's hashes, and its speed.
 
 use core::hash::{Hash as _, Hasher as _};
 use lpr_core::agent::{Agent, Draws, Goal, Init, Method, Networks, PoseSource};

@@ -26,7 +26,7 @@ use std::sync::Arc;
 /// The head of the file.
 const SEAL: Seal = Seal { magic: *b"LPRSTATE", version: 1, oldest: 1 };
 
-/// What training needs beside the weights.
+/// State of training beside the weights.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct State {
     /// Digest of the weights that this belongs to.
@@ -45,7 +45,8 @@ pub(super) struct State {
     episode: Option<StoredEpisode>,
 }
 
-/// What learns beside the network that acts: that stands with the weights.
+/// Optimiser state and the network that does not act; the network that acts is stored with the
+/// weights.
 #[derive(Debug, Serialize, Deserialize)]
 struct StoredLearner {
     /// The target network; where that acts, the online network.

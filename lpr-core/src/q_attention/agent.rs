@@ -63,13 +63,13 @@ impl Depth {
 /// The agent's choice, with the values behind it.
 #[derive(Debug, Clone)]
 pub struct QDecision {
-    /// Where to go.
+    /// The pose to go to.
     pub goal: NextBestPose,
     /// The same as bins.
     pub action: DiscreteAction,
     /// Mean value of what the last depth chose.
     pub value: f32,
-    /// How each depth came to its voxel.
+    /// Input and values of each depth.
     pub depths: Vec<DepthDecision>,
     /// Values of the rotation bins: roll, pitch, yaw.
     pub rotation_values: [Vec<f32>; 3],

@@ -34,7 +34,7 @@ pub struct QSample<'a> {
 #[derive(Debug, Clone)]
 pub(super) struct Augmented<'a> {
     pub(super) sample: QSample<'a>,
-    /// How observation, action and next observation have been moved.
+    /// Motion that was applied to observation, action and next observation.
     pub(super) transform: PointTransform,
     /// For each depth, what it sees and the voxel of the action in it.
     pub(super) depths: Vec<DepthLabel>,
@@ -42,7 +42,7 @@ pub(super) struct Augmented<'a> {
     pub(super) rotation: [usize; 3],
 }
 
-/// Where a depth looks, and the position of the label among its voxels.
+/// The cube that a depth sees, and the position of the label among its voxels.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct DepthLabel {
     pub(super) space: VoxelSpace,

@@ -121,7 +121,7 @@ pub(super) struct PathTensors {
     dims: [usize; 2],
 }
 
-/// How paths become tensors.
+/// Encoding of paths as tensors.
 #[derive(Debug)]
 pub(super) struct Encoding {
     pub(super) input: RankerInput,
