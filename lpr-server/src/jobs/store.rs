@@ -27,20 +27,20 @@ use tokio::sync::watch;
 const MIGRATIONS: [(i64, &str, &str); 1] =
     [(1, "jobs", include_str!("../../migrations/0001_jobs.sql"))];
 
-/// How long a change waits for others that write.
+/// Time that a change waits for others that write.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Connections: one writes, others read meanwhile.
 const MAX_CONNECTIONS: u32 = 8;
 
-/// How an attempt ended.
+/// End of an attempt.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ended {
-    /// What happened.
+    /// The change of the job's state.
     pub change: Change,
-    /// What a failed job said last.
+    /// The last words of a failed job.
     pub message: Option<String>,
-    /// What a job that ended well found.
+    /// The summary of a job that ended well.
     pub summary: Option<Map<String, Value>>,
 }
 
@@ -287,7 +287,7 @@ fn migrator() -> Migrator {
     Migrator::with_migrations(migrations.into())
 }
 
-/// What the first request with `key` was answered.
+/// The answer to the first request with `key`.
 async fn earlier_answer(
     tx: &mut SqliteConnection,
     key: &str,

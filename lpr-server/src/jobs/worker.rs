@@ -20,38 +20,38 @@ use tokio::sync::watch;
 use tokio::task::{JoinError, spawn_blocking};
 use tokio::time::{MissedTickBehavior, interval, sleep};
 
-/// How often a worker looks at the metrics and at whether the job was cancelled.
+/// Time between two looks of a worker at the metrics and at a request to cancel the job.
 const LOOK_INTERVAL: Duration = Duration::from_millis(100);
-/// How long a worker leaves a database alone that has failed.
+/// Time that a worker leaves a database alone that has failed.
 const PAUSE: Duration = Duration::from_secs(1);
 
 /// Takes jobs from the queue until the server stops.
 #[derive(Debug, Clone)]
 pub struct Worker {
-    /// Where jobs are kept.
+    /// The store of the jobs.
     pub store: SqliteStore,
     /// The `lpr` binary.
     pub program: PathBuf,
-    /// Where jobs have their folders.
+    /// Directory of the jobs' folders.
     pub jobs: PathBuf,
-    /// What the server is about.
+    /// Phase of the server: it serves or it stops.
     pub phase: watch::Receiver<Phase>,
 }
 
-/// How the process of an attempt ended.
+/// End of the process of an attempt.
 enum Exit {
     ByItself(ExitStatus),
     Cancelled,
     Stopped,
 }
 
-/// What became of an attempt.
+/// Outcome of an attempt.
 enum Attempt {
     Ended(Ended),
     Lost(String),
 }
 
-/// Why a worker could not do its part.
+/// Reason why a worker could not do its part.
 #[derive(Debug, Error)]
 enum WorkerError {
     #[error(transparent)]
@@ -177,7 +177,7 @@ async fn prepare(folder: JobFolder) -> Result<(Log, Start)> {
         .await??)
 }
 
-/// What became of a process that ended by itself, by what it left.
+/// Judges a process that ended by itself, by the files that it left.
 fn judge(
     status: ExitStatus,
     summary: Option<Map<String, Value>>,
