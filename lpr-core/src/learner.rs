@@ -167,8 +167,10 @@ impl Learner {
         }
         let update = self.updates.paths;
         self.updates.paths += 1;
+        // Line 18.
         let policy_draws = self.successes.sample(batch_size, &mut self.generator(update, 1));
         let policy = self.update_policy(networks, &policy_draws)?;
+        // Lines 19 and 20.
         let draws = self.paths.sample(batch_size, &mut self.generator(update, 0));
         let Some(ranker) = networks.ranker.as_mut().filter(|_| !draws.is_empty()) else {
             return Ok(PathUpdate { ranker: None, policy });

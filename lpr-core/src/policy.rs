@@ -184,6 +184,8 @@ impl Policy {
                 sample.goal,
                 configs.len(),
             );
+            // The mean of each path, so that a path of many configurations counts no more than a
+            // short one.
             let weight = sample.weight / (batch.len() * configs.len() * DOF) as f32;
             weights.extend(configs.iter().map(|_| weight));
             for (idx, config) in configs.iter().enumerate() {
@@ -201,6 +203,7 @@ impl Policy {
         let squares = (predicted - tensor(offsets, [n, DOF], &device)).square();
         let loss = (squares * tensor(weights, [n, 1], &device)).sum();
         let gradients = loss.backward();
+        // Line 18: μ ← μ - λ ∇J_π.
         self.network = self.adam.step(self.network.clone(), &leaves, gradients);
         Ok(loss.into_scalar())
     }

@@ -236,8 +236,10 @@ impl Ranker {
             .expect("a ranker has at least one critic");
         let gradients = loss.backward();
 
+        // Line 19: σ ← σ - λ ∇J_R; line 20: σ' ← τσ + (1-τ)σ'.
         self.online = self.adam.step(self.online.clone(), &leaves, gradients);
         self.target = mix(self.target.clone(), &self.online, self.settings.target_mix);
+        // Of the values before the step, as are the targets.
         let td_errors = (0..n).map(|idx| targets[idx] - mean(&per_critic, idx)).collect();
         Ok(RankerUpdate { loss: loss.into_scalar(), td_errors })
     }
@@ -250,6 +252,8 @@ impl Ranker {
         } else {
             self.target.forward(&self.encoding.encode(&next, &self.device)?)
         };
+        // Of two critics the smaller value, against overestimates. One entry for each transition
+        // that goes on, in the order of the batch.
         let mut lowest = (0..next.len())
             .map(|idx| per_critic.iter().fold(f32::INFINITY, |low, values| low.min(values[idx])));
         Ok(batch

@@ -111,6 +111,7 @@ impl State {
     pub(super) fn of<E>(trainer: &Trainer<E>, weights_digest: u64) -> Self {
         let (networks, learner) = (&trainer.agent.networks, &trainer.learner);
         let buffers = [&learner.paths, &learner.successes, &learner.scenes];
+        // One list of all buffers' rows: a step that several rows share is stored once.
         let all: Vec<Row> = buffers.iter().flat_map(|buffer| buffer.rows()).cloned().collect();
         let (steps, rows) = split_steps(&all);
         let mut rows = rows.into_iter();
@@ -158,6 +159,8 @@ impl State {
         learner.paths = self.paths.restore(&steps, settings)?;
         learner.successes = self.successes.restore(&steps, &uniform)?;
         learner.scenes = self.scenes.restore(&steps, settings)?;
+        // An update takes for granted that poses lie within the bounds: what breaks that is refused
+        // here.
         if let Some(attention) = &trainer.agent.networks.q_attention
             && !learner.scenes.rows().iter().all(|row| Learner::is_scene(row, attention))
         {

@@ -50,7 +50,7 @@ pub struct SavedAgent {
     pub agent: Agent,
 }
 
-/// Header of a weights file, read without the weights.
+/// Header of a weights file, without the weights.
 ///
 /// # Errors
 ///
@@ -70,6 +70,7 @@ pub fn load_agent(weights: &[u8]) -> Result<SavedAgent> {
     let robot = Robot::by_name(&header.robot)
         .map_err(|error| Error::Checkpoint(format!("weights: {error}")))?;
     let Run { method, poses, backend, seed, .. } = header.run;
+    // Fresh weights, for their shapes: each is overwritten below, or a tensor is missing.
     let mut networks = Networks::new(
         header.config.network_settings(),
         robot,
@@ -81,6 +82,8 @@ pub fn load_agent(weights: &[u8]) -> Result<SavedAgent> {
         let mut state = attention.state();
         for (depth_idx, depth) in state.depths.iter_mut().enumerate() {
             depth.online = take(&mut tensors, &depth_name(depth_idx));
+            // The file holds only the network that acts; a run that goes on gets the other from its
+            // state.
             depth.target.clone_from(&depth.online);
         }
         attention.restore(&state)?;

@@ -74,6 +74,7 @@ impl<'a> Augmented<'a> {
                 return Some(augmented);
             }
         }
+        // No draw kept the label: the sample is learned as it was seen.
         let still = PointTransform { yaw: 0.0, shift: Vec3::ZERO, about };
         Self::new(sample, codec, still, &vec![Vec3::ZERO; settings.zoom_half_widths.len()])
     }
@@ -86,6 +87,7 @@ impl<'a> Augmented<'a> {
         transform: PointTransform,
         jitters: &[Vec3],
     ) -> Option<Self> {
+        // After the turn: it may make the other of two equivalent grasps the canonical one.
         let pose = canonical_grasp(transform.pose() * sample.action.pose);
         let mut depths = Vec::with_capacity(codec.n_depths());
         let mut center = Vec3::ZERO;

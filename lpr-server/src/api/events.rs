@@ -121,6 +121,7 @@ impl Reader {
                 self.has_ended = event.kind == EventKind::End.name();
                 return Ok(Some(event));
             }
+            // Before the read: an event that is committed after it then ends the wait below.
             self.changes.mark_unchanged();
             self.batch = self.store.events(self.job, self.after, BATCH).await?.into_iter();
             if self.batch.as_slice().is_empty() {

@@ -138,6 +138,8 @@ impl SqliteStore {
         let id = JobId::generate();
         insert_job(&mut tx, id, &spec.task, &text).await?;
         enter(&mut tx, id, Step { state: State::Queued, reason: None }).await?;
+        // Kept as it is sent: a repeated request gets the same bytes, even after the job has moved
+        // on.
         let body = json_text(&fetch(&mut tx, id).await?, "answer")?;
         if let Some(key) = key {
             let insert =
@@ -270,11 +272,14 @@ impl SqliteStore {
     }
 
     pub(super) async fn begin(&self) -> Result<Transaction<'static, Sqlite>> {
+        // Takes the lock for writing at once: a transaction that has read already fails when
+        // another has written since, and no busy timeout waits for that.
         Ok(self.pool.begin_with("BEGIN IMMEDIATE").await?)
     }
 
     pub(super) async fn commit(&self, tx: Transaction<'_, Sqlite>) -> Result<()> {
         tx.commit().await?;
+        // After the commit: whoever wakes finds the change in the database.
         self.changes.send_replace(());
         Ok(())
     }

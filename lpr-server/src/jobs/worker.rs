@@ -73,6 +73,8 @@ impl Worker {
     pub async fn work(mut self) {
         let mut changes = self.store.changes();
         while *self.phase.borrow() == Phase::Serving {
+            // Before the look at the queue: a job that comes after the look then ends the wait
+            // below.
             changes.mark_unchanged();
             match self.store.claim().await {
                 Ok(Some((claim, spec))) => self.run(claim, spec).await,
@@ -108,6 +110,7 @@ impl Worker {
         let folder = folder::of_job(&self.jobs, claim.id)?;
         let (log, start) = prepare(folder.clone()).await?;
         self.go_back(claim, &start).await?;
+        // After the rewind: it decides how many lines the history has already.
         let mut tail = Tail::after(folder.metrics(), self.store.n_points(claim.id).await?).await?;
         if let Start::Done(summary) = start {
             self.forward(claim, &mut tail).await?;
@@ -123,6 +126,7 @@ impl Worker {
         arguments.extend(matches!(start, Start::Resume(_)).then(|| "--resume".into()));
         let process = Process::start(&self.program, &arguments, log.for_process()?)?;
         let exit = self.watch(claim, process, &mut tail).await?;
+        // Lines that the process wrote between the last look and its end.
         self.forward(claim, &mut tail).await?;
         match exit {
             Exit::Stopped => Ok(Attempt::Ended(Ended::new(Change::ServerStopped))),
