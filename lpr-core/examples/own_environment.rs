@@ -22,7 +22,7 @@ use lpr_core::robot::{Gripper, PANDA, Robot};
 use lpr_core::train::{Run, Trainer, default_cameras, demonstration_scene};
 use rand::RngExt as _;
 
-/// How far above the straight line the grip has to pass, metres.
+/// Least height of the grip's way above the straight line, metres.
 const HURDLE: f32 = 0.04;
 
 /// Environment steps of the training: seconds. Ten seeds learned 0.98 of the scenes or more in

@@ -1,4 +1,4 @@
-//! How fast paths are learned with the demonstrator's poses, for any setting of a preset.
+//! Learning curve of paths with the demonstrator's poses, for any setting of a preset.
 //!
 //! ```text
 //! cargo run -p lpr-core --release --example path_study -- toy lpr 0 400 training.exploration.first=0.3

@@ -1,5 +1,5 @@
-//! How fast Q-attention learns the keyframes of a task from demonstrations alone, for any setting
-//! of a preset.
+//! Learning curve of Q-attention on the keyframes of a task from demonstrations alone, for any
+//! setting of a preset.
 //!
 //! ```text
 //! cargo run -p lpr-core --release --example qattention_study -- take_lid_off_saucepan 0 1200 q_attention.learning_rate=1e-3
@@ -125,7 +125,7 @@ fn report(agent: &Agent, truth: &[Vec<DemoEpisode>]) {
     }
 }
 
-/// How far a choice is from the demonstrated keyframe.
+/// Difference of a choice from the demonstrated keyframe.
 struct Error {
     /// Metres.
     distance: f32,

@@ -1,4 +1,4 @@
-//! What a trained ranker thinks of candidate paths: the shortest need not be the best.
+//! A trained ranker's values of candidate paths: the shortest need not be the best.
 //!
 //! ```text
 //! cargo run -p lpr-core --example rank_with_loaded_weights -- [runs/seat/weights.safetensors]

@@ -36,7 +36,7 @@ const SCENE: &str = r#"{
 
 const TIMING: TimingSettings = TimingSettings { max_velocity: 1.0, max_acceleration: 4.0 };
 
-/// Where the grip goes, height over the block, and what the gripper does there.
+/// Waypoints of the grip: height over the block, and the gripper's command there.
 const WAYPOINTS: [(f32, Gripper); 3] =
     [(0.15, Gripper::Open), (0.025, Gripper::Close), (0.2, Gripper::Close)];
 

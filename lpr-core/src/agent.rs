@@ -187,7 +187,7 @@ impl Agent {
         Ok(StepResult { terminated: result.terminated || ends, ..result })
     }
 
-    /// Whether the agent needs poses of the demonstrator, who has none left.
+    /// True if the agent needs poses of the demonstrator, who has none left.
     #[must_use]
     pub fn is_out_of_poses(&self, environment: &impl Environment) -> bool {
         self.poses() == PoseSource::Oracle && environment.demonstrated_goal().is_none()
@@ -320,7 +320,7 @@ pub(crate) fn context(proprio: &Proprio, goal: NextBestPose) -> RankerContext {
     RankerContext { goal, gripper_open: proprio.gripper_open, time: proprio.time }
 }
 
-/// Whether the gripper closed on something.
+/// True if the gripper closed on something.
 fn is_holding(proprio: &Proprio) -> bool {
     proprio.gripper_open < 0.5 && proprio.gripper_width > HELD_WIDTH
 }

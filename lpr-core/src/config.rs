@@ -72,7 +72,7 @@ pub struct Config {
     pub q_attention: QAttentionSettings,
     /// The replay buffers.
     pub replay: ReplaySettings,
-    /// What demonstrations yield.
+    /// Keyframes and transitions that demonstrations yield.
     pub demos: DemoSettings,
     /// Algorithm 1.
     pub training: TrainSettings,
@@ -232,7 +232,7 @@ mod tests {
         PRESETS[0].1
     }
 
-    /// What is said about the preset `fast` with `from` replaced by `to`.
+    /// The error about the preset `fast` with `from` replaced by `to`.
     fn refusal(from: &str, to: &str) -> String {
         assert!(fast().contains(from), "the preset has no {from}");
         Config::from_toml(&fast().replacen(from, to, 1)).expect_err(to).to_string()

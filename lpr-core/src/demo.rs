@@ -11,14 +11,14 @@ use crate::robot::{DOF, JointConfig};
 use glamx::Pose3;
 use serde::{Deserialize, Serialize};
 
-/// What the arm did in one recorded frame of a demonstration.
+/// State of the arm in one recorded frame of a demonstration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DemoFrame {
     /// Measured joint angles, radians: `q`.
     pub joints: JointConfig,
     /// Measured joint velocities, rad/s.
     pub joint_velocities: [f32; DOF],
-    /// Whether the gripper counts as open.
+    /// True if the gripper counts as open.
     pub gripper_open: bool,
     /// Distance between the finger pads, metres.
     pub gripper_width: f32,
@@ -27,7 +27,7 @@ pub struct DemoFrame {
 }
 
 impl DemoFrame {
-    /// Whether no joint is faster than `max_speed`, rad/s.
+    /// Checks that no joint is faster than `max_speed`, rad/s.
     fn is_still(&self, max_speed: f32) -> bool {
         self.joint_velocities.iter().all(|velocity| velocity.abs() <= max_speed)
     }
@@ -80,7 +80,7 @@ pub struct DemoTransition {
     pub step: usize,
     /// 1 on the last keyframe, else 0.
     pub reward: f32,
-    /// Whether the episode ends with this transition.
+    /// True if the episode ends with this transition.
     pub terminated: bool,
 }
 
@@ -132,8 +132,8 @@ pub fn discover_keyframes(frames: &[DemoFrame], settings: &DemoSettings) -> Vec<
     keyframes
 }
 
-/// Whether the arm stands still at `idx` and the gripper neither changed in the two frames before
-/// nor changes in the next.
+/// Checks that the arm stands still at `idx` and that the gripper neither changed in the two frames
+/// before nor changes in the next.
 fn is_stopped(frames: &[DemoFrame], idx: usize, max_speed: f32) -> bool {
     // The last two frames are no stops: the last is a keyframe anyway.
     if idx + 2 >= frames.len() || !frames[idx].is_still(max_speed) {

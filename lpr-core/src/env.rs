@@ -52,7 +52,7 @@ pub trait Environment {
     fn demonstrated_goal(&self) -> Option<NextBestPose>;
 }
 
-/// Why an action ended early: a value with a reason that users see.
+/// Reason why an action ended early: a value that users see.
 ///
 /// ```
 /// use lpr_core::env::InvalidAction;
@@ -87,7 +87,7 @@ pub enum InvalidAction {
     OutsideLimits,
     /// The path takes longer than any task needs.
     TooLong {
-        /// How long it would take, seconds.
+        /// Time that it would take, seconds.
         seconds: f32,
     },
     /// The path does not start where the arm is.
@@ -129,7 +129,7 @@ pub struct StepResult {
     pub terminated: bool,
     /// The episode ended because it took [`EPISODE_LENGTH`] steps.
     pub truncated: bool,
-    /// Why the action ended early.
+    /// Reason why the action ended early.
     pub invalid: Option<InvalidAction>,
 }
 
@@ -140,7 +140,7 @@ impl StepResult {
         Self { reward: 0.0, terminated: true, truncated: false, invalid: Some(invalid) }
     }
 
-    /// Whether the episode is over.
+    /// True if the episode is over.
     #[must_use]
     pub const fn is_last(&self) -> bool {
         self.terminated || self.truncated

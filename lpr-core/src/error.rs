@@ -28,7 +28,7 @@ pub enum Error {
     /// A tensor, path or image of another shape than asked for.
     #[error("{what}: expected shape {expected}, found {found}")]
     Shape {
-        /// What was being read.
+        /// The thing that was being read.
         what: &'static str,
         /// The shape asked for.
         expected: String,

@@ -19,7 +19,7 @@ use std::collections::BTreeMap;
 /// The factor of the standard error that makes a 95 % interval.
 const Z_95: f64 = 1.959_964;
 
-/// What an evaluation found.
+/// Findings of an evaluation.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Evaluation {
     /// Episodes run.
@@ -36,8 +36,8 @@ pub struct Evaluation {
     pub steps: u64,
 }
 
-/// What Q-attention is shown instead of what the cameras see: ablations that an agent which uses
-/// its eyes must fail.
+/// Input of Q-attention in place of the cameras' images: ablations that an agent which uses its
+/// eyes must fail.
 ///
 /// Proprioception, and the obstacles that paths are checked against, stay those of the scene.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -58,7 +58,7 @@ pub struct EvaluatedEpisode {
     pub scene_seed: u64,
     /// Environment steps.
     pub steps: u64,
-    /// Why the task was not done; none when it was.
+    /// The reason why the task was not done; none when it was.
     pub failure: Option<&'static str>,
     /// Value of the agent's choice and the discounted reward that came of it, for each step that
     /// ranked paths.

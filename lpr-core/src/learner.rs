@@ -1,4 +1,4 @@
-//! What learns: the replay buffers, and one gradient step of each network on what they hold
+//! The learner: the replay buffers, and one gradient step of each network on what they hold
 //! (Algorithm 1, lines 17–20).
 //!
 //! There is one buffer per question, and all share the steps that they hold: the ranker draws by
@@ -19,7 +19,7 @@ use crate::rng::{Rng, Stream, stream};
 
 use serde::{Deserialize, Serialize};
 
-/// What the replay keeps of an observation: what Q-attention reads, or nothing with the
+/// The part of an observation that the replay keeps: the input of Q-attention, or nothing with the
 /// demonstrator's poses.
 pub type Seen = Option<QObservation>;
 
@@ -52,7 +52,7 @@ pub struct Learner {
     pub(crate) updates: UpdateCounts,
 }
 
-/// What one update of ranker and policy found.
+/// Findings of one update of ranker and policy.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PathUpdate {
     /// The ranker's loss and the mean absolute temporal difference.
@@ -61,7 +61,7 @@ pub struct PathUpdate {
     pub policy: Option<f32>,
 }
 
-/// What one update of Q-attention found.
+/// Findings of one update of Q-attention.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AttentionUpdate {
     /// Loss, summed over depths.
@@ -102,8 +102,8 @@ impl Learner {
         }
     }
 
-    /// Whether Q-attention can learn from a row: it was seen, and the pose lies within the bounds
-    /// of the first depth.
+    /// Checks that Q-attention can learn from a row: it was seen, and the pose lies within the
+    /// bounds of the first depth.
     pub(crate) fn is_scene(row: &Row, attention: &QAttention) -> bool {
         let is_seen = |step: &Step<Seen>| step.observation.is_some();
         let goal = &row.step.decision.context.goal;
@@ -167,8 +167,10 @@ impl Learner {
         }
         let update = self.updates.paths;
         self.updates.paths += 1;
+        // Line 18.
         let policy_draws = self.successes.sample(batch_size, &mut self.generator(update, 1));
         let policy = self.update_policy(networks, &policy_draws)?;
+        // Lines 19 and 20.
         let draws = self.paths.sample(batch_size, &mut self.generator(update, 0));
         let Some(ranker) = networks.ranker.as_mut().filter(|_| !draws.is_empty()) else {
             return Ok(PathUpdate { ranker: None, policy });

@@ -26,7 +26,7 @@ pub enum Method {
     Random,
 }
 
-/// Where next-best poses come from.
+/// Source of the next-best poses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PoseSource {
@@ -65,13 +65,13 @@ impl Method {
         })
     }
 
-    /// Whether it ranks paths by learned values.
+    /// True if it ranks paths by learned values.
     #[must_use]
     pub const fn has_ranker(self) -> bool {
         matches!(self, Self::Lpr | Self::LprNoPolicy)
     }
 
-    /// Whether a learned policy proposes a path.
+    /// True if a learned policy proposes a path.
     #[must_use]
     pub const fn has_policy(self) -> bool {
         matches!(self, Self::Lpr)

@@ -35,7 +35,7 @@ use serde::{Deserialize, Serialize};
 /// Numbers per configuration: start, goal configuration, next-best pose, fraction of the way.
 const INPUTS: usize = 2 * DOF + GOAL_FEATURES + 1;
 
-/// How the policy is built and trained.
+/// Settings of the policy: its network and its training.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PolicySettings {
@@ -50,7 +50,7 @@ pub struct PolicySettings {
 pub struct PolicySample<'a> {
     /// The path.
     pub path: &'a JointPath,
-    /// Where it led.
+    /// The pose that it led to.
     pub goal: &'a NextBestPose,
     /// Importance weight from prioritised replay; 1 for uniform sampling.
     pub weight: f32,
@@ -112,8 +112,7 @@ impl Policy {
     /// The path that the policy proposes from `start` to `goal_config`, which reaches `goal`, in
     /// `n_configs` configurations.
     ///
-    /// Whether it stays within the limits and is short enough to be ranked is for the caller to
-    /// test.
+    /// The caller tests that the path stays within the limits and is short enough to be ranked.
     ///
     /// # Errors
     ///
@@ -185,6 +184,8 @@ impl Policy {
                 sample.goal,
                 configs.len(),
             );
+            // The mean of each path, so that a path of many configurations counts no more than a
+            // short one.
             let weight = sample.weight / (batch.len() * configs.len() * DOF) as f32;
             weights.extend(configs.iter().map(|_| weight));
             for (idx, config) in configs.iter().enumerate() {
@@ -202,6 +203,7 @@ impl Policy {
         let squares = (predicted - tensor(offsets, [n, DOF], &device)).square();
         let loss = (squares * tensor(weights, [n, 1], &device)).sum();
         let gradients = loss.backward();
+        // Line 18: μ ← μ - λ ∇J_π.
         self.network = self.adam.step(self.network.clone(), &leaves, gradients);
         Ok(loss.into_scalar())
     }
@@ -222,7 +224,7 @@ impl Policy {
         }
     }
 
-    /// What a checkpoint stores.
+    /// State of the policy, for a checkpoint.
     #[must_use]
     pub fn state(&self) -> PolicyState {
         PolicyState { network: export(&self.network), adam: self.adam.state().clone() }

@@ -38,7 +38,7 @@ use burn::module::Module as _;
 use burn::tensor::{Device, Tensor};
 use serde::{Deserialize, Serialize};
 
-/// What the ranker reads.
+/// Input of the ranker.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RankerInput {
@@ -51,7 +51,7 @@ pub enum RankerInput {
     Grip,
 }
 
-/// How many value networks are trained.
+/// Number of value networks that are trained.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Critics {
@@ -61,7 +61,7 @@ pub enum Critics {
     Twin,
 }
 
-/// Where the targets of the temporal differences may lie.
+/// Range of the targets of the temporal differences.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TargetRange {
@@ -71,11 +71,11 @@ pub enum TargetRange {
     UnitInterval,
 }
 
-/// How the ranker is built and trained.
+/// Settings of the ranker: its network and its training.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RankerSettings {
-    /// What it reads.
+    /// Input of the network.
     pub input: RankerInput,
     /// Output sizes of the layers on every configuration: 64, 128, 1024 in the paper.
     pub config_widths: Vec<usize>,
@@ -98,14 +98,14 @@ pub struct RankerSettings {
 pub struct RankedPath {
     /// The path; all paths of one call have the same number of configurations.
     pub path: JointPath,
-    /// Whether its configurations touch the scene.
+    /// True if its configurations touch the scene.
     pub collides: bool,
 }
 
 /// The situation in which paths are ranked.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RankerContext {
-    /// Where the paths lead: `g` in the paper.
+    /// The pose that the paths lead to: `g` in the paper.
     pub goal: NextBestPose,
     /// 1 when the gripper is open, 0 when it is closed.
     pub gripper_open: f32,
@@ -135,7 +135,7 @@ pub struct RankerTransition<'a> {
     pub weight: f32,
 }
 
-/// What one update found.
+/// Findings of one update.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RankerUpdate {
     /// Weighted mean of the squared temporal differences, summed over critics.
@@ -236,8 +236,10 @@ impl Ranker {
             .expect("a ranker has at least one critic");
         let gradients = loss.backward();
 
+        // Line 19: σ ← σ - λ ∇J_R; line 20: σ' ← τσ + (1-τ)σ'.
         self.online = self.adam.step(self.online.clone(), &leaves, gradients);
         self.target = mix(self.target.clone(), &self.online, self.settings.target_mix);
+        // Of the values before the step, as are the targets.
         let td_errors = (0..n).map(|idx| targets[idx] - mean(&per_critic, idx)).collect();
         Ok(RankerUpdate { loss: loss.into_scalar(), td_errors })
     }
@@ -250,6 +252,8 @@ impl Ranker {
         } else {
             self.target.forward(&self.encoding.encode(&next, &self.device)?)
         };
+        // Of two critics the smaller value, against overestimates. One entry for each transition
+        // that goes on, in the order of the batch.
         let mut lowest = (0..next.len())
             .map(|idx| per_critic.iter().fold(f32::INFINITY, |low, values| low.min(values[idx])));
         Ok(batch
@@ -267,7 +271,7 @@ impl Ranker {
             .collect())
     }
 
-    /// What a checkpoint stores.
+    /// State of the ranker, for a checkpoint.
     #[must_use]
     pub fn state(&self) -> RankerState {
         RankerState {

@@ -9,11 +9,11 @@ use rand::{RngExt as _, SeedableRng as _};
 /// The generator of every stream: ChaCha with 8 rounds, portable across machines and to wasm.
 pub type Rng = rand::rngs::ChaCha8Rng;
 
-/// What a generator is used for.
+/// Purpose of a generator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Stream {
-    /// Where a task puts its objects.
+    /// Places of a task's objects.
     Placement = 1,
     /// Colours of objects and distractors.
     Colour,

@@ -18,7 +18,7 @@ pub(crate) struct Seal {
     pub(crate) oldest: u32,
 }
 
-/// Why bytes are not opened.
+/// Reason why bytes are not opened.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum SealError {
     /// There is no room for a head.

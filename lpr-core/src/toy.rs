@@ -19,10 +19,10 @@ use rand::RngExt as _;
 /// Least distance from the straight line along [`SIDE`] that the second path has to reach, metres.
 const BOW: f32 = 0.03;
 
-/// Where the second path has to bow to.
+/// Direction in which the second path has to bow.
 const SIDE: Vec3 = Vec3::Y;
 
-/// How far a path may end from the pose, metres.
+/// Greatest distance from the end of a path to the pose, metres.
 const TOLERANCE: f32 = 0.01;
 
 /// Spread of the knob along x and y around the workspace's centre, metres.
@@ -146,7 +146,7 @@ impl Toy {
         }
     }
 
-    /// How far the grip bows to the side of the straight line, metres.
+    /// Distance by which the grip bows to the side of the straight line, metres.
     fn bow(&self, path: &JointPath) -> f32 {
         let positions = path.configs().iter().map(|config| self.robot.grip(config).translation);
         let (start, goal) =

@@ -33,17 +33,17 @@ use crate::rng::{Stream, stream};
 use rand::Rng as _;
 use serde::{Deserialize, Serialize};
 
-/// What is trained on what: with the configuration, everything that decides a run.
+/// Task, method, seed and the rest that, with the configuration, decide a run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Run {
     /// Name of the task; for people, the trainer asks its environment.
     pub task: String,
-    /// How paths are chosen.
+    /// The way in which paths are chosen.
     pub method: Method,
-    /// Where next-best poses come from.
+    /// Source of the next-best poses.
     pub poses: PoseSource,
-    /// What computes the networks.
+    /// Implementation that computes the networks.
     pub backend: Backend,
     /// Seed of everything drawn.
     pub seed: u64,
@@ -58,7 +58,7 @@ pub fn default_cameras() -> Vec<String> {
     vec!["front".to_owned()]
 }
 
-/// How far a run has come.
+/// Progress of a run.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Progress {
@@ -235,8 +235,8 @@ impl<E: Environment> Trainer<E> {
         Ok(Some(log))
     }
 
-    /// What the agent would do after the last step of an episode that was cut off: what its value
-    /// bootstraps from.
+    /// Decides once more after the last step of an episode that was cut off: the step's value
+    /// bootstraps from this decision.
     fn decide_once_more(&mut self, episode: &mut Episode) -> Result<()> {
         /// Numbers of the draws that no environment step takes.
         const AFTER_THE_END: u64 = 1 << 39;
@@ -289,13 +289,13 @@ impl<E> Trainer<E> {
         &self.config
     }
 
-    /// What is trained.
+    /// The run that is trained.
     #[must_use]
     pub const fn run(&self) -> &Run {
         &self.run
     }
 
-    /// How far it has come.
+    /// Its progress.
     #[must_use]
     pub const fn progress(&self) -> Progress {
         self.progress
@@ -326,7 +326,7 @@ pub fn demonstration_scene(seed: u64, demo: u64) -> u64 {
     (2 << 32) | u64::from(stream(seed, Stream::Demo, demo).next_u32())
 }
 
-/// What the gradient steps after an environment step found.
+/// Findings of the gradient steps after an environment step.
 #[derive(Debug, Default)]
 struct Updates {
     q_attention: Vec<AttentionUpdate>,

@@ -9,9 +9,9 @@ use lpr_core::robot::Robot;
 use lpr_core::sim::World;
 use lpr_core::sim::render::{Picture, value_color};
 
-/// How long the candidates of a step are shown, milliseconds.
+/// Time that the candidates of a step are shown, milliseconds.
 const CANDIDATES_MS: u32 = 2000;
-/// How long the end is shown, milliseconds.
+/// Time that the end is shown, milliseconds.
 const END_MS: u32 = 1500;
 /// Time between two pictures of an execution, milliseconds.
 const PERIOD_MS: u32 = 100;
@@ -27,7 +27,7 @@ const HALO_RGB: [u8; 3] = [250, 250, 250];
 /// Of paths that nothing values.
 const UNVALUED_RGB: [u8; 3] = [70, 110, 170];
 
-/// What the colours of a step's candidates mean: its lowest value is dark, its highest bright.
+/// Meaning of the colours of a step's candidates: its lowest value is dark, its highest bright.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct ValueScale {
     low: f32,

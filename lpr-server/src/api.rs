@@ -32,12 +32,12 @@ use utoipa_axum::routes;
 /// Largest body of a request, bytes.
 const MAX_BODY: usize = 1 << 20;
 
-/// What requests are answered from.
+/// State that requests are answered from.
 #[derive(Debug, Clone)]
 pub struct Api {
     /// The jobs.
     pub store: SqliteStore,
-    /// What the server is about: streams end with it.
+    /// Phase of the server: streams end when it stops.
     pub phase: watch::Receiver<Phase>,
     /// The directory of the page's files.
     pub page: PathBuf,
@@ -57,7 +57,7 @@ pub fn app(api: Api) -> Router {
     with_rules(routes.fallback(page::file).with_state(api))
 }
 
-/// What holds for every request, around `routes`.
+/// Puts the rules of every request around `routes`.
 fn with_rules(routes: Router) -> Router {
     routes
         .layer(DefaultBodyLimit::disable())

@@ -10,8 +10,8 @@ use lpr_core::sim::{SimEnvironment, World};
 
 /// The camera that stands where a visitor would, and is no camera of an agent.
 pub const BEAUTY: &str = "beauty";
-/// Where visitors stand, from the workspace's centre along x and y: before the arm, behind it, and
-/// on its other side.
+/// Places of visitors, from the workspace's centre along x and y: before the arm, behind it, and on
+/// its other side.
 const VIEWS: [(&str, [f32; 2]); 3] =
     [(BEAUTY, [1.03, 1.25]), ("beauty_behind", [-1.03, 1.25]), ("beauty_beside", [1.03, -1.25])];
 /// Samples per pixel along each side.

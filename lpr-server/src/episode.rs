@@ -48,11 +48,11 @@ pub struct EpisodeStep {
     pub candidates: Vec<EpisodeCandidate>,
     /// Index of the candidate that ran; none when there was none.
     pub chosen: Option<usize>,
-    /// What the gripper did at the end of the path.
+    /// The gripper's command at the end of the path.
     pub gripper: Gripper,
     /// 1 when the task was done.
     pub reward: f32,
-    /// Why the action ended early.
+    /// Reason why the action ended early.
     pub invalid: Option<String>,
 }
 
@@ -66,16 +66,16 @@ pub struct EpisodeCandidate {
     pub q: Option<Vec<JointConfig>>,
     /// The ranker's value, if there was a ranker.
     pub value: Option<f32>,
-    /// Whether the path meets the scene.
+    /// True if the path meets the scene.
     pub collides: Option<bool>,
-    /// Why the draw gave no candidate.
+    /// Reason why the draw gave no candidate.
     pub rejected: Option<String>,
 }
 
-/// What running an episode again gave.
+/// Result of running an episode again.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Replayed {
-    /// Whether every reward and the world at the end are those of the file, bit by bit.
+    /// True if every reward and the world at the end are those of the file, bit by bit.
     pub identical: bool,
     /// Hash of the world at the end.
     pub world_hash: String,

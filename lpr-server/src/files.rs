@@ -15,16 +15,16 @@ use thiserror::Error;
 /// demonstration with images.
 pub const MAX_JSON_BYTES: u64 = 256 << 20;
 
-/// How names of files and directories end that are not whole yet.
+/// End of the names of files and directories that are not whole yet.
 pub(crate) const PARTIAL: &str = ".partial";
 
-/// What went wrong with a file; each message begins with its path.
+/// Failure of a file; each message begins with its path.
 #[derive(Debug, Error)]
 pub enum FileError {
     /// The operating system refused: not found, no permission, disk full.
     #[error("{}: cannot {action}: {source}", path.display())]
     Io {
-        /// What was attempted: "read", "write", "create".
+        /// The attempt: "read", "write", "create".
         action: &'static str,
         /// The file or directory that was asked for.
         path: PathBuf,
@@ -137,7 +137,7 @@ pub fn create_output_directory(path: &Path) -> Result<()> {
     fs::create_dir_all(path).map_err(FileError::io("create", path))
 }
 
-/// Whether an output directory of that name may be created: it is absent or empty.
+/// Checks that an output directory of that name may be created: it is absent or empty.
 ///
 /// # Errors
 ///

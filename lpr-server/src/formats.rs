@@ -12,7 +12,8 @@ use std::path::Path;
 use std::sync::Arc;
 use utoipa::ToSchema;
 
-/// How far the norm of a quaternion in a file may be from 1: it covers numbers with three decimals.
+/// Greatest difference of the norm of a quaternion in a file from 1: it covers numbers with three
+/// decimals.
 const NORM_TOLERANCE: f64 = 2e-3;
 
 /// The tasks.
@@ -29,7 +30,7 @@ pub struct TaskRow {
     pub name: &'static str,
     /// The paper's Task Set.
     pub set: &'static str,
-    /// What the robot does in it.
+    /// The robot's task in words.
     pub description: String,
     /// Names of its variations; none when there is only one.
     pub variations: &'static [String],
@@ -78,7 +79,8 @@ impl From<DPose3> for PoseJson {
 pub struct PoseQuery {
     /// `world_from_flange`.
     pub world_from_flange: DPose3,
-    /// Where to look for a solution first: one number for each joint, unchecked.
+    /// Configuration at which the search for a solution starts: one number for each joint,
+    /// unchecked.
     pub seed_config: Option<Vec<f32>>,
 }
 
@@ -163,7 +165,7 @@ pub struct DemoFile {
     /// Time from one frame to the next, seconds; a gripper command takes one frame, however long it
     /// lasts.
     pub control_dt: f32,
-    /// Whether the task was done.
+    /// True if the task was done.
     pub success: bool,
     /// The arm at every control step.
     pub frames: Vec<DemoFrameJson>,
@@ -189,7 +191,7 @@ pub struct DemoFrameJson {
     pub q: JointConfig,
     /// Joint velocities, rad/s.
     pub qd: [f32; DOF],
-    /// Whether the gripper counts as open.
+    /// True if the gripper counts as open.
     pub gripper_open: bool,
     /// Distance between the pads, metres.
     pub gripper_width: f32,
@@ -250,7 +252,7 @@ mod tests {
 
     const CONFIGS: &str = "{\"configs\": [\n  [0, -0.5, 1e-3],\n  [1, 2, 3]\n]}\n";
 
-    /// What `read` makes of a file, or what it says of it after its path.
+    /// The value that `read` makes of a file, or its error after the file's path.
     fn read_file<T>(text: &[u8], read: impl Fn(&Path) -> Result<T>) -> Result<T, String> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.json");

@@ -23,7 +23,7 @@ const ANIMATION: Size = PICTURE;
 const CONTROL_STEPS: usize = 4;
 /// Time between two pictures of an animation, milliseconds.
 const PERIOD_MS: u32 = 100;
-/// How long the end of an animation is shown, milliseconds.
+/// Time that the end of an animation is shown, milliseconds.
 const END_MS: u32 = 2000;
 /// The scene shown is the first of these seeds in which the demonstrator succeeds.
 const MAX_SEEDS: u64 = 20;
@@ -39,7 +39,7 @@ pub struct Entry {
     pub seed: u64,
 }
 
-/// Why there is no gallery.
+/// Reason why there is no gallery.
 #[derive(Debug, thiserror::Error)]
 pub enum GalleryError {
     /// A scene that cannot be placed or drawn.
@@ -105,7 +105,7 @@ fn demonstration(
     Err(GalleryError::NoDemonstration(task.name.clone()))
 }
 
-/// Where the hand looks when it has reached the second keyframe, which grasps or pushes, or the
+/// Direction of the hand when it has reached the second keyframe, which grasps or pushes, or the
 /// only one.
 fn grasp_direction(demo: &Demonstration) -> Vec3 {
     let frames = &demo.waypoint_frames;

@@ -32,7 +32,7 @@ pub fn write_png(path: &Path, width: u32, height: u32, pixels: &[[u8; 3]]) -> Re
 pub struct Shown {
     /// Its pixels.
     pub pixels: Vec<[u8; 3]>,
-    /// How long it is shown, milliseconds.
+    /// Time that it is shown, milliseconds.
     pub millis: u32,
 }
 
@@ -56,7 +56,7 @@ pub fn write_gif(path: &Path, width: u16, height: u16, frames: &[Shown]) -> Resu
     })
 }
 
-/// What the format counts, hundredths of a second.
+/// The delay in the format's unit, hundredths of a second.
 fn delay(millis: u32) -> u16 {
     u16::try_from(millis / 10).unwrap_or(u16::MAX)
 }

@@ -34,7 +34,7 @@ pub use worker::Worker;
 use std::io::{self, Write as _};
 use tokio::sync::watch;
 
-/// What the server is about.
+/// Phase of the server's life.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
     /// It takes requests and jobs.

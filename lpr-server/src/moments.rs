@@ -3,7 +3,7 @@
 
 use lpr_core::sim::{Demonstration, World};
 
-/// How long the scene comes to rest after a demonstration, seconds: what is let go of falls.
+/// Time in which the scene comes to rest after a demonstration, seconds: what is let go of falls.
 const REST_SECS: f32 = 1.0;
 
 /// A world that is drawn.

@@ -29,11 +29,11 @@ pub struct ProblemFile {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Problem {
-    /// What results are listed by.
+    /// Name by which results are listed.
     pub name: String,
-    /// Where the arm is: one number for each joint, unchecked.
+    /// Configuration of the arm: one number for each joint, unchecked.
     pub start: Vec<f32>,
-    /// Where it may go, likewise.
+    /// Configurations that it may go to, likewise.
     pub goals: Vec<Vec<f32>>,
     #[serde(default)]
     spheres: Vec<SphereJson>,

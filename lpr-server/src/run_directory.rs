@@ -32,7 +32,7 @@ pub fn create(directory: &Path, config_toml: &str) -> Result<()> {
     })
 }
 
-/// Where the episode of a checkpoint goes; its directory exists then.
+/// Path of a checkpoint's episode; its directory exists then.
 ///
 /// # Errors
 ///
@@ -41,7 +41,7 @@ pub fn episode_path(directory: &Path, env_step: u64) -> Result<PathBuf> {
     in_episodes(directory, &format!("{env_step:08}.episode.json.gz"))
 }
 
-/// Where the animation of a checkpoint's episode goes; its directory exists then.
+/// Path of the animation of a checkpoint's episode; its directory exists then.
 ///
 /// # Errors
 ///

@@ -30,16 +30,16 @@ pub struct Demo {
     is_over: bool,
 }
 
-/// What came of a macro action.
+/// Result of a macro action: the motion, and its outcome.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Execution {
     /// Poses of every item of the scene after every control step: frames × items × [`POSE_LEN`].
     pub poses: Vec<f32>,
-    /// What the page says about it.
+    /// The page's words about it.
     pub outcome: Outcome,
 }
 
-/// How a macro action ended.
+/// End of a macro action.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Outcome {
     /// Index of the macro action in its episode.
@@ -48,9 +48,9 @@ pub struct Outcome {
     pub frame_seconds: f32,
     /// 1 when the task is done.
     pub reward: f32,
-    /// Whether the episode is over.
+    /// True if the episode is over.
     pub ended: bool,
-    /// Why the action ended early, in words.
+    /// Reason why the action ended early, in words.
     pub invalid: Option<String>,
     /// [`World::hash`] after it, 16 hexadecimal digits.
     pub world_hash: String,
@@ -89,7 +89,7 @@ impl Demo {
         Ok(())
     }
 
-    /// What is drawn: every item with its parts.
+    /// Everything that is drawn: every item with its parts.
     #[must_use]
     pub fn scene(&self) -> SceneView {
         SceneView::new(&self.environment, self.seed, &self.agent)
@@ -101,7 +101,7 @@ impl Demo {
         poses(self.environment.world())
     }
 
-    /// What the first camera sees: rows × columns × RGB, and its width and height in pixels.
+    /// The first camera's picture: rows × columns × RGB, and its width and height in pixels.
     #[must_use]
     pub fn picture(&mut self) -> (Vec<u8>, [usize; 2]) {
         let observation = self.environment.observe();

@@ -1,4 +1,4 @@
-//! What JavaScript calls: a thin wasm-bindgen shell over [`lpr_core`].
+//! Functions for JavaScript: a thin wasm-bindgen shell over [`lpr_core`].
 //!
 //! Everything that it does is plain Rust that is tested natively: [`planner`], [`trajectory`] and,
 //! with the feature `page`, [`demo`] and [`check`]. The shell turns values into what JavaScript

@@ -1,5 +1,5 @@
-//! What the demo page calls: an agent in a scene, and what is compared between wasm and native
-//! code.
+//! Functions that the demo page calls: an agent in a scene, and the results that are compared
+//! between wasm and native code.
 
 use crate::{check, demo, json};
 #[cfg(doc)]
@@ -11,7 +11,7 @@ use wasm_bindgen::prelude::{JsError, wasm_bindgen};
 #[wasm_bindgen]
 pub struct Demo(demo::Demo);
 
-/// What came of a macro action: [`demo::Execution`].
+/// Result of a macro action: [`demo::Execution`].
 #[derive(Debug)]
 #[wasm_bindgen]
 pub struct Execution(demo::Execution);

@@ -17,9 +17,9 @@ const TOP_VOXELS: usize = 96;
 pub struct Plan {
     /// Index of the macro action in its episode.
     pub step: u64,
-    /// Where the paths lead.
+    /// The pose that the paths lead to.
     pub goal: Goal,
-    /// How Q-attention came to the goal, coarse to fine; empty with the demonstrator's poses.
+    /// Q-attention's steps to the goal, coarse to fine; empty with the demonstrator's poses.
     pub depths: Vec<Depth>,
     /// Value of the pose; none with the demonstrator's poses.
     pub goal_value: Option<f32>,
@@ -38,11 +38,11 @@ pub struct Goal {
     pub position: Vec3,
     /// `world_from_grip`.
     pub rotation_xyzw: Quat,
-    /// What the gripper does there.
+    /// The gripper's command there.
     pub gripper: Gripper,
 }
 
-/// What one depth of Q-attention found best.
+/// The best voxel of one depth of Q-attention.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Depth {
     /// Length of a voxel's sides along x, y, z, metres.
@@ -60,13 +60,13 @@ pub struct Candidate {
     pub source: &'static str,
     /// The ranker's value; none without a ranker.
     pub value: Option<f32>,
-    /// Whether the arm meets the scene or itself on the way.
+    /// True if the arm meets the scene or itself on the way.
     pub collides: bool,
     /// Length in joint space, radians.
     pub length: f32,
     /// The configurations, radians.
     pub path: Vec<JointConfig>,
-    /// Where `grip` is at each of them, metres.
+    /// Positions of `grip` at each of them, metres.
     pub grip: Vec<Vec3>,
 }
 
@@ -75,9 +75,9 @@ pub struct Candidate {
 pub struct Rejected {
     /// The generator.
     pub source: &'static str,
-    /// Why.
+    /// Reason of the failure.
     pub reason: &'static str,
-    /// How many.
+    /// Number of draws.
     pub count: usize,
 }
 

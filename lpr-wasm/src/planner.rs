@@ -41,7 +41,7 @@ const MAX_CONFIGURATIONS: usize = 1000;
 /// Most points of a cloud, twice those of a megapixel's depth image.
 const MAX_POINTS: usize = 1 << 21;
 
-/// How far the length of a quaternion may be from 1.
+/// Greatest difference of the length of a quaternion from 1.
 const UNIT_TOLERANCE: f32 = 1e-3;
 
 /// A place in the world.
@@ -62,7 +62,7 @@ pub struct Solid {
     pub place: Place,
 }
 
-/// What the arm must not hit.
+/// Obstacles that the arm must not hit.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Obstacles {
@@ -76,7 +76,7 @@ pub struct Obstacles {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Request {
-    /// Where the arm is, radians.
+    /// Configuration of the arm, radians.
     pub start: JointConfig,
     /// `world_from_grip` where it goes.
     pub goal: Place,
@@ -101,7 +101,7 @@ pub struct FoundPath {
     pub path: Vec<JointConfig>,
     /// Length in joint space, radians.
     pub length: f32,
-    /// How long it takes with [`TIMING`], seconds.
+    /// Duration with [`TIMING`], seconds.
     pub seconds: f64,
     /// Samples that the planner drew.
     pub iterations: u32,
@@ -112,7 +112,7 @@ pub struct FoundPath {
 pub struct Candidate {
     /// Which generator made it.
     pub source: &'static str,
-    /// Whether the arm meets an obstacle or itself on the way.
+    /// True if the arm meets an obstacle or itself on the way.
     pub collides: bool,
     /// Length in joint space, radians.
     pub length: f32,
@@ -125,7 +125,7 @@ pub struct Candidate {
 pub struct Rejected {
     /// Which generator failed.
     pub source: &'static str,
-    /// Why: [`lpr_core::path::Rejection::name`].
+    /// Reason: [`lpr_core::path::Rejection::name`].
     pub reason: &'static str,
 }
 
@@ -178,7 +178,7 @@ impl Planner {
         self.robot
     }
 
-    /// What looks at motions, at that many configurations for each radian.
+    /// Checker of motions, at that many configurations for each radian.
     pub(crate) const fn checker(&self, checks_per_radian: f32) -> MotionChecker<'_> {
         MotionChecker::new(&self.scene, &self.arm, checks_per_radian)
     }
@@ -279,7 +279,7 @@ impl From<&RejectedPath> for Rejected {
     }
 }
 
-/// Whether every number of a shape is one.
+/// Checks that every number of a shape is finite.
 fn is_finite(shape: &Shape) -> bool {
     match shape {
         Shape::Sphere { radius } => radius.is_finite(),

@@ -1,4 +1,4 @@
-//! What of a scene the page draws, as JSON.
+//! The parts of a scene that the page draws, as JSON.
 
 use lpr_core::agent::Agent;
 use lpr_core::env::Environment as _;
@@ -13,7 +13,7 @@ use serde::Serialize;
 pub struct SceneView {
     /// Name of the task.
     pub task: String,
-    /// What is to be done.
+    /// The task in words.
     pub description: String,
     /// Name of the robot.
     pub robot: &'static str,
@@ -23,7 +23,7 @@ pub struct SceneView {
     pub seed: u64,
     /// Bodies of the scene, then links, hand and fingers of the robot.
     pub items: Vec<Item>,
-    /// How many of the items are the robot's: the last ones.
+    /// Number of items that are the robot's: the last ones.
     pub n_robot_items: usize,
     /// Lower and upper corner of what the agent looks at, metres.
     pub workspace: [Vec3; 2],

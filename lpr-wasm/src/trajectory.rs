@@ -34,11 +34,11 @@ pub struct TrajectoryRequest {
 /// A motion from rest to rest on a smooth curve through the path's configurations.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TimedTrajectory {
-    /// How long it takes.
+    /// Duration, seconds.
     pub seconds: f64,
-    /// How far the curve is from the path at most, in joint space, radians: a bound.
+    /// Greatest distance of the curve from the path, in joint space, radians: a bound.
     pub deviation: f64,
-    /// Whether the arm meets an obstacle or itself on the curve, of which the path knows nothing
+    /// True if the arm meets an obstacle or itself on the curve, of which the path knows nothing
     /// between its configurations.
     pub collides: bool,
     /// Moments, seconds: 0, `period`, …, and the end.

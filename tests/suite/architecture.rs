@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 /// Longest Rust file, lines.
 const MAX_LINES: usize = 600;
 
-/// Where lengths are millimetres.
+/// Folder in which lengths are millimetres.
 const WIRE: &str = "lpr-server/xarm/src/wire";
 
 /// One line of a source file without its comment.

@@ -1,4 +1,4 @@
-//! What every command says of input that it cannot use: one line that names it, and nothing
+//! Errors of every command about input that it cannot use: one line that names it, and nothing
 //! half-written.
 
 use crate::lpr::{Folder, command, files_below, json, refusal, refusal_of};
@@ -102,7 +102,7 @@ fn numbers_out_of_their_range_are_told_with_their_option() {
     }
 }
 
-/// What `lpr train` says of a preset file, after its path.
+/// The error of `lpr train` about a preset file, after its path.
 #[track_caller]
 fn preset_refusal(text: impl AsRef<[u8]>) -> String {
     preset_refusal_for("reach_target", text)
@@ -275,7 +275,7 @@ fn files_of_poses_and_configurations_are_refused_by_their_field() {
     }
 }
 
-/// What `command` says of a file, after its path.
+/// The error of `command` about a file, after its path.
 #[track_caller]
 fn file_refusal(command: &str, name: &str, content: &[u8]) -> String {
     let folder = Folder::new();

@@ -30,8 +30,8 @@ impl Victim {
         self.checkpoint.join(name)
     }
 
-    /// What `lpr train --resume` says of the checkpoint, after its directory. Nothing in the run
-    /// may change.
+    /// The error of `lpr train --resume` about the checkpoint, after its directory. Nothing in the
+    /// run may change.
     #[track_caller]
     fn resume_refusal(&self) -> String {
         let before = files_below(&self.run);
@@ -43,7 +43,7 @@ impl Victim {
         self.after_directory(&error)
     }
 
-    /// What `lpr eval` says of the checkpoint, after its directory.
+    /// The error of `lpr eval` about the checkpoint, after its directory.
     #[track_caller]
     fn eval_refusal(&self) -> String {
         self.after_directory(&refusal(&["eval", self.run.to_str().unwrap(), "--episodes", "1"], 1))
@@ -121,7 +121,7 @@ fn no_flipped_bit_of_the_header_of_the_weights_goes_unnoticed() {
     }
 }
 
-/// Where the JSON of a safetensors file is.
+/// Range of the JSON in a safetensors file.
 fn header(weights: &[u8]) -> Range<usize> {
     8..8 + u64::from_le_bytes(weights[..8].try_into().unwrap()) as usize
 }

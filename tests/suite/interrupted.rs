@@ -20,7 +20,7 @@ fn n_kills() -> usize {
     std::env::var("LPR_KILLS").map_or(FEW, |kills| kills.parse().unwrap())
 }
 
-/// Where a run was when it was killed.
+/// State of a run when it was killed.
 #[derive(Debug, PartialEq, Eq)]
 enum Killed {
     /// While it wrote a checkpoint.

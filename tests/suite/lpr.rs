@@ -18,7 +18,7 @@ pub(crate) fn command<S: AsRef<OsStr>>(arguments: &[S]) -> Command {
     command
 }
 
-/// Where the binary is.
+/// Path of the binary.
 pub(crate) fn binary() -> PathBuf {
     let test = std::env::current_exe().unwrap();
     let binary =
@@ -64,7 +64,7 @@ pub(crate) fn table(arguments: &[&str]) -> String {
     text(&output.stdout)
 }
 
-/// What a command says that must fail with exit status `status`, without `error: `.
+/// The message of a command that must fail with exit status `status`, without `error: `.
 #[track_caller]
 pub(crate) fn refusal<S: AsRef<OsStr>>(arguments: &[S], status: i32) -> String {
     refusal_of(command(arguments), status)

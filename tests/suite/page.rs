@@ -16,10 +16,10 @@ use std::process::Command;
 /// A validation scene: the test scenes are for reported results.
 const SEED: u64 = 1000;
 const TASK: &str = "take_lid_off_saucepan";
-/// How far the value of a network may be from what it is natively.
+/// Greatest difference of a network's value from its native one.
 const VALUE_TOLERANCE: f64 = 1e-4;
 
-/// What the agent that the page brings along does natively, choosing what the page chose.
+/// The native episode of the agent that the page brings along, with the page's choices.
 fn native_episode(chosen: &[u64]) -> (Vec<Value>, Vec<Value>) {
     let weights =
         fs::read(workspace().join(format!("www/public/weights/{TASK}.safetensors"))).unwrap();
@@ -73,7 +73,7 @@ fn angles(path: &Value) -> Vec<f32> {
     configs.map(|angle| angle.as_f64().unwrap() as f32).collect()
 }
 
-/// What a visitor of the page sees of scene [`SEED`], whose tour leaves its screenshots in
+/// The page as a visitor sees it in scene [`SEED`]; the tour leaves its screenshots in
 /// `screenshots`.
 fn tour(server: &Server, screenshots: &Path) -> Value {
     fs::create_dir_all(screenshots).unwrap();

@@ -7,7 +7,7 @@ use lpr_wasm::planner::{Outcome, Planner};
 use lpr_wasm::trajectory::TrajectoryRequest;
 use serde_json::{Value, json};
 
-/// What `make planner` makes.
+/// The module that `make planner` makes.
 const MODULE: &str = "lpr-wasm/pkg/lpr_wasm_bg.wasm";
 
 /// Most bytes of the module with gzip.
@@ -32,7 +32,7 @@ fn questions() -> Vec<(&'static str, Value, Value)> {
     ]
 }
 
-/// How fast a plan is driven.
+/// Speeds at which a plan is driven.
 fn motion_settings() -> Value {
     json!({"speed": 0.5, "max_jerk": 300.0, "max_grip_speed": 0.5, "period": 0.02})
 }
@@ -48,7 +48,7 @@ fn native_motion(planner: &Planner, plan: &Outcome) -> Option<String> {
     Some(serde_json::to_string(&motion).unwrap())
 }
 
-/// What the module's methods answer, natively.
+/// The answers of the module's methods, computed natively.
 fn native_answers(robot: &str, obstacles: &Value, request: &Value) -> [Option<String>; 4] {
     let planner = Planner::new(robot, &serde_json::from_value(obstacles.clone()).unwrap()).unwrap();
     let request = serde_json::from_value(request.clone()).unwrap();

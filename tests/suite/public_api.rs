@@ -74,7 +74,7 @@ fn declaration(lines: &[&str]) -> (String, usize) {
     panic!("no end: {}", lines[0]);
 }
 
-/// Whether every parenthesis, and every brace of a grouped import, is closed.
+/// Checks that every parenthesis, and every brace of a grouped import, is closed.
 fn is_closed(text: &str) -> bool {
     let count = |c: char| text.matches(c).count();
     let is_import = text.trim_start().starts_with("pub use");

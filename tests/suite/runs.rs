@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 /// Environment steps of a run.
 pub(crate) const STEPS: &str = "24";
 
-/// What makes the preset `fast` small.
+/// Settings that make the preset `fast` small.
 const SMALL: [(&str, &str); 24] = [
     ("candidates.path_len", "8"),
     ("candidates.planner_paths", "1"),
@@ -112,7 +112,7 @@ impl Runs {
     }
 }
 
-/// What a run leaves behind, without what depends on time.
+/// Everything that a run leaves behind, without the parts that depend on time.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Outcome {
     summary: Value,
@@ -179,7 +179,7 @@ fn assert_time_goes_on(metrics: &[Map<String, Value>]) {
     assert!(times.len() > 1 && times.is_sorted(), "{times:?}");
 }
 
-/// Whether the contract lets the value of `key` depend on time.
+/// True if the contract lets the value of `key` depend on time.
 fn is_time(key: &str) -> bool {
     ["_seconds", "_ms", "_micros", "_per_second"].iter().any(|end| key.ends_with(end))
 }

@@ -195,12 +195,12 @@ fn a_job_that_cannot_work_fails_with_what_its_process_said() {
     assert_eq!((&job["reason"], &job["summary"]), (&json!("exit_status"), &Value::Null));
 }
 
-/// What a server answers to a request, until it closes the connection.
+/// A server's answer to a request, until it closes the connection.
 fn answer_to(server: &Server, request: &[u8]) -> String {
     read_answer(&send(server, request))
 }
 
-/// What a server answers to a client that sends bytes and leaves.
+/// A server's answer to a client that sends bytes and leaves.
 fn answer_to_half(server: &Server, bytes: &[u8]) -> String {
     let socket = send(server, bytes);
     // It may have closed the connection already.

@@ -116,7 +116,7 @@ impl Server {
         self.get(&format!("/v1/jobs/{id}/metrics")).json()["points"].take()
     }
 
-    /// What happens to a job after event number `after`.
+    /// The events of a job after event number `after`.
     pub(crate) fn events(&self, id: &str, after: i64) -> Events {
         let request = self.agent.get(format!("{}/v1/jobs/{id}/events", self.address));
         let response = request.header("last-event-id", after.to_string()).call().unwrap();
@@ -184,7 +184,7 @@ pub(crate) struct Event {
 }
 
 impl Event {
-    /// Whether it tells that the job came to that state.
+    /// True if it tells that the job came to that state.
     pub(crate) fn is_state(&self, state: &str) -> bool {
         self.kind == "state" && self.data["state"] == state
     }

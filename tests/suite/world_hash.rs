@@ -27,7 +27,7 @@ fn native_hashes(n_threads: usize) -> Vec<String> {
     pool.install(|| scenes().into_iter().map(hash).collect())
 }
 
-/// What `tests/node/NAME` prints for an argument; it needs `module`, a file of the workspace.
+/// Output of `tests/node/NAME` for an argument; it needs `module`, a file of the workspace.
 #[track_caller]
 pub(crate) fn node(name: &str, argument: &str, module: &str) -> String {
     assert!(

@@ -117,7 +117,7 @@ fn script(name: &str, emulated: &Emulated) -> Command {
     command
 }
 
-/// What a script printed.
+/// The JSON that a script printed.
 #[track_caller]
 fn found(output: &std::process::Output) -> Value {
     assert!(output.status.success(), "{}", text(&output.stderr));
@@ -348,7 +348,7 @@ fn a_fault_of_the_controller_is_one_line_that_says_what_became_of_the_arm() {
     }
 }
 
-/// What `lpr xarm run` says of a run or a host that it cannot use.
+/// The error of `lpr xarm run` about a run or a host that it cannot use.
 fn refused(run: &Path, host: &str, status: i32) -> String {
     refusal(
         &[

@@ -1,4 +1,4 @@
-//! How a training step departs from the path of highest value.
+//! Departures of a training step from the path of highest value.
 
 use crate::check::setting;
 use crate::error::Result;

@@ -26,7 +26,7 @@ use std::sync::Arc;
 /// The head of the file.
 const SEAL: Seal = Seal { magic: *b"LPRSTATE", version: 1, oldest: 1 };
 
-/// What training needs beside the weights.
+/// State of training beside the weights.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct State {
     /// Digest of the weights that this belongs to.
@@ -45,7 +45,8 @@ pub(super) struct State {
     episode: Option<StoredEpisode>,
 }
 
-/// What learns beside the network that acts: that stands with the weights.
+/// Optimiser state and the network that does not act; the network that acts is stored with the
+/// weights.
 #[derive(Debug, Serialize, Deserialize)]
 struct StoredLearner {
     /// The target network; where that acts, the online network.
@@ -110,6 +111,7 @@ impl State {
     pub(super) fn of<E>(trainer: &Trainer<E>, weights_digest: u64) -> Self {
         let (networks, learner) = (&trainer.agent.networks, &trainer.learner);
         let buffers = [&learner.paths, &learner.successes, &learner.scenes];
+        // One list of all buffers' rows: a step that several rows share is stored once.
         let all: Vec<Row> = buffers.iter().flat_map(|buffer| buffer.rows()).cloned().collect();
         let (steps, rows) = split_steps(&all);
         let mut rows = rows.into_iter();
@@ -157,6 +159,8 @@ impl State {
         learner.paths = self.paths.restore(&steps, settings)?;
         learner.successes = self.successes.restore(&steps, &uniform)?;
         learner.scenes = self.scenes.restore(&steps, settings)?;
+        // An update takes for granted that poses lie within the bounds: what breaks that is refused
+        // here.
         if let Some(attention) = &trainer.agent.networks.q_attention
             && !learner.scenes.rows().iter().all(|row| Learner::is_scene(row, attention))
         {

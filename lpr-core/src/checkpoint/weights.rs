@@ -19,7 +19,7 @@ const METADATA: &str = "lpr";
 /// The layout that this program writes, and the newest that it reads.
 const VERSION: u32 = 1;
 
-/// What the weights are of.
+/// Header of a weights file: the run, its length and its settings.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WeightsHeader {
@@ -27,7 +27,7 @@ pub struct WeightsHeader {
     pub version: u32,
     /// Name of the robot.
     pub robot: String,
-    /// What was trained.
+    /// The run that was trained.
     pub run: Run,
     /// For how long.
     pub progress: Progress,
@@ -44,13 +44,13 @@ struct AnyVersion {
 /// An agent with its weights.
 #[derive(Debug)]
 pub struct SavedAgent {
-    /// What it is.
+    /// Header of its weights file.
     pub header: WeightsHeader,
     /// The agent, ready to act.
     pub agent: Agent,
 }
 
-/// What the weights of a file are of, without the weights.
+/// Header of a weights file, without the weights.
 ///
 /// # Errors
 ///
@@ -70,6 +70,7 @@ pub fn load_agent(weights: &[u8]) -> Result<SavedAgent> {
     let robot = Robot::by_name(&header.robot)
         .map_err(|error| Error::Checkpoint(format!("weights: {error}")))?;
     let Run { method, poses, backend, seed, .. } = header.run;
+    // Fresh weights, for their shapes: each is overwritten below, or a tensor is missing.
     let mut networks = Networks::new(
         header.config.network_settings(),
         robot,
@@ -81,6 +82,8 @@ pub fn load_agent(weights: &[u8]) -> Result<SavedAgent> {
         let mut state = attention.state();
         for (depth_idx, depth) in state.depths.iter_mut().enumerate() {
             depth.online = take(&mut tensors, &depth_name(depth_idx));
+            // The file holds only the network that acts; a run that goes on gets the other from its
+            // state.
             depth.target.clone_from(&depth.online);
         }
         attention.restore(&state)?;

@@ -1,4 +1,5 @@
-//! What the candidates could have given: every one is executed from a snapshot of the world.
+//! Results that the candidates could have given: every one is executed from a snapshot of the
+//! world.
 
 use super::{EvaluatedEpisode, Evaluation, run_episode};
 use crate::agent::{Action, Agent, Eyes};
@@ -8,7 +9,7 @@ use crate::path::map_in_order;
 
 use core::ops::Range;
 
-/// How far the chosen paths stayed behind the best of all candidates.
+/// Shortfall of the chosen paths against the best of all candidates.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Regret {
     /// Environment steps in which some candidate would have finished the task.

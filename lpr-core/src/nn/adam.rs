@@ -22,7 +22,7 @@ const BETA_2: f64 = 0.999;
 /// Keeps the division finite: `PyTorch`'s default.
 const EPSILON: f32 = 1e-8;
 
-/// How an update is made from gradients.
+/// Settings of the step from gradients to an update.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AdamSettings {

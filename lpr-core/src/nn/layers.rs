@@ -9,7 +9,7 @@ use burn::tensor::module::linear;
 use burn::tensor::{Device, Tensor};
 use rand::RngExt as _;
 
-/// How wide the uniform distribution of initial weights is.
+/// Width of the uniform distribution of initial weights.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Spread {
     /// For a layer before a leaky rectifier of this slope: `±√(6 / ((1 + slope²) fan_in))` (He et

@@ -1,6 +1,6 @@
 //! Reasons for which there is no path.
 
-/// Why a generator produced no path: a value that users see, never an error.
+/// Reason why a generator produced no path: a value that users see, never an error.
 ///
 /// ```
 /// use lpr_core::glamx::{Pose3, Vec3};

@@ -6,7 +6,7 @@ use crate::rng::{Rng, normal};
 use glamx::Vec3;
 use rand::RngExt as _;
 
-/// How a depth image differs from the truth. Each part is off at zero.
+/// Difference of a depth image from the truth. Each part is off at zero.
 ///
 /// ```
 /// use lpr_core::glamx::Vec3;
@@ -97,7 +97,7 @@ struct Draws {
     normal: f32,
     dropout: f32,
     bleed: f32,
-    /// Where a mixed pixel is between the near and the far surface.
+    /// Position of a mixed pixel between the near and the far surface, as a share.
     share: f32,
 }
 

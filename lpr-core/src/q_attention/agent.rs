@@ -63,13 +63,13 @@ impl Depth {
 /// The agent's choice, with the values behind it.
 #[derive(Debug, Clone)]
 pub struct QDecision {
-    /// Where to go.
+    /// The pose to go to.
     pub goal: NextBestPose,
     /// The same as bins.
     pub action: DiscreteAction,
     /// Mean value of what the last depth chose.
     pub value: f32,
-    /// How each depth came to its voxel.
+    /// Input and values of each depth.
     pub depths: Vec<DepthDecision>,
     /// Values of the rotation bins: roll, pitch, yaw.
     pub rotation_values: [Vec<f32>; 3],
@@ -175,6 +175,7 @@ impl QAttention {
     pub fn act(&self, observation: &QObservation, weights: ActingNetwork) -> QDecision {
         let mut depths = Vec::with_capacity(self.depths.len());
         let mut voxels = Vec::with_capacity(self.depths.len());
+        // Depth 0 sees the whole scene, wherever this is.
         let mut center = Vec3::ZERO;
         let mut last = None;
         for (depth_idx, depth) in self.depths.iter().enumerate() {
@@ -387,6 +388,7 @@ impl QAttention {
         let imitated =
             batch.iter().map(|sample| f32::from(u8::from(sample.sample.imitated))).collect();
 
+        // Line 17 for this depth. Its target network may move at once: no other depth reads it.
         let depth = &mut self.depths[depth_idx];
         let leaves = depth.online.clone().train();
         let values = leaves.forward(input);

@@ -34,7 +34,7 @@ pub struct QSample<'a> {
 #[derive(Debug, Clone)]
 pub(super) struct Augmented<'a> {
     pub(super) sample: QSample<'a>,
-    /// How observation, action and next observation have been moved.
+    /// Motion that was applied to observation, action and next observation.
     pub(super) transform: PointTransform,
     /// For each depth, what it sees and the voxel of the action in it.
     pub(super) depths: Vec<DepthLabel>,
@@ -42,7 +42,7 @@ pub(super) struct Augmented<'a> {
     pub(super) rotation: [usize; 3],
 }
 
-/// Where a depth looks, and the position of the label among its voxels.
+/// The cube that a depth sees, and the position of the label among its voxels.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct DepthLabel {
     pub(super) space: VoxelSpace,
@@ -74,6 +74,7 @@ impl<'a> Augmented<'a> {
                 return Some(augmented);
             }
         }
+        // No draw kept the label: the sample is learned as it was seen.
         let still = PointTransform { yaw: 0.0, shift: Vec3::ZERO, about };
         Self::new(sample, codec, still, &vec![Vec3::ZERO; settings.zoom_half_widths.len()])
     }
@@ -86,6 +87,7 @@ impl<'a> Augmented<'a> {
         transform: PointTransform,
         jitters: &[Vec3],
     ) -> Option<Self> {
+        // After the turn: it may make the other of two equivalent grasps the canonical one.
         let pose = canonical_grasp(transform.pose() * sample.action.pose);
         let mut depths = Vec::with_capacity(codec.n_depths());
         let mut center = Vec3::ZERO;

@@ -3,7 +3,7 @@
 use crate::robot::Gripper;
 use glamx::Pose3;
 
-/// Where the gripper goes next and what it does there: `g` in the paper.
+/// The next pose of the gripper and its command there: `g` in the paper.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NextBestPose {
     /// Pose of `grip` in the world.

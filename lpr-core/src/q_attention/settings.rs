@@ -41,8 +41,8 @@ pub struct QAttentionSettings {
     pub rotation_regularisation: f32,
     /// Term of the loss for actions of successful episodes (paper: nothing).
     pub imitation: Option<Imitation>,
-    /// How far the cube of a later depth is moved away from its label at random, as a fraction of
-    /// its half width (released: 0.75).
+    /// Greatest random shift of the cube of a later depth from its label, as a fraction of its half
+    /// width (released: 0.75).
     pub crop_jitter: f32,
     /// Largest rotation about the vertical that a sampled observation and its action undergo,
     /// radians (released: 0).

@@ -121,7 +121,7 @@ pub(super) struct PathTensors {
     dims: [usize; 2],
 }
 
-/// How paths become tensors.
+/// Encoding of paths as tensors.
 #[derive(Debug)]
 pub(super) struct Encoding {
     pub(super) input: RankerInput,
@@ -163,6 +163,8 @@ impl Encoding {
                 context.extend(self.context_features(sample));
             }
             if self.input == RankerInput::Grip {
+                // The maximum over the configurations forgets their order: the head is told the
+                // start.
                 context.extend(self.grip_features(sample.path.path.start(), sample.context));
             }
         }

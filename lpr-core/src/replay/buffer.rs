@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 /// Added to every priority so that no row is lost for good (`ε` in Schaul et al.).
 const PRIORITY_FLOOR: f32 = 1e-5;
 
-/// How the replay buffer samples.
+/// Settings of the replay buffer's sampling.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReplaySettings {
@@ -58,7 +58,7 @@ pub struct Replay<T> {
 /// A row that was drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Draw {
-    /// How many rows were added before it: names the row even after its slot was overwritten.
+    /// Number of rows that were added before it: names the row even after its slot was overwritten.
     pub row: u64,
     /// Importance weight, at most 1, where 1 is the largest of the batch.
     pub weight: f32,

@@ -25,7 +25,7 @@ pub(super) struct Checked {
     pub(super) n_checks: u64,
 }
 
-/// Where the configurations of a motion lie in its equal steps.
+/// Place of a motion's configurations in its equal steps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Looks {
     /// At the end of each.
@@ -83,7 +83,7 @@ fn rake<S: Simd>(simd: S, scene: &Scene, arm: &ArmSpheres, motion: Sampled<'_>) 
     Checked { is_free: true, n_checks: n as u64 }
 }
 
-/// Where on a motion of `n` steps the lanes are; those beyond the last look there again.
+/// Fractions of a motion of `n` steps at which the lanes are; lanes beyond the last repeat it.
 #[inline(always)]
 fn fractions<S: Simd>(simd: S, stride: usize, step: usize, n: usize, looks: Looks) -> Floats<S> {
     let before = if looks == Looks::Middles { 0.5 } else { 0.0 };

@@ -13,7 +13,7 @@ use super::signed_distance::SignedDistance;
 use crate::robot::{DOF, JointConfig, Motion, Sphere};
 use glamx::Vec3;
 
-/// How near a link is to an obstacle, or to another link.
+/// Distance from a link to an obstacle, or to another link, with its gradient.
 ///
 /// The gradient says where to turn a joint to make room:
 ///

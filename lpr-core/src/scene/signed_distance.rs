@@ -3,7 +3,7 @@
 use super::primitive::{Primitive, from_segment, length};
 use glamx::Vec3;
 
-/// How far a point is from a surface.
+/// Distance from a point to a surface, negative inside.
 ///
 /// ```
 /// use lpr_core::glamx::Vec3;

@@ -25,7 +25,7 @@ const LEG_STEPS: usize = 4;
 pub struct DemoPlan {
     /// The waypoints' goals, with the grasp turned by half a turn where the arm prefers it.
     pub goals: Vec<NextBestPose>,
-    /// How each goal is reached, turned as the goals are.
+    /// The way to each goal, turned as the goals are.
     approaches: Vec<Approach>,
     /// For each waypoint: the posture of a free motion's end, or the path of a prescribed one.
     pub(super) steps: Vec<PlanStep>,

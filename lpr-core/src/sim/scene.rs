@@ -53,7 +53,7 @@ impl SceneSpec {
 pub struct BodySpec {
     /// Name, unique in the scene.
     pub name: String,
-    /// How it moves.
+    /// Its part in the physics.
     pub kind: BodyKind,
     /// `world_from_body` at the start.
     pub pose: Pose3,
@@ -65,7 +65,7 @@ pub struct BodySpec {
     pub friction: f32,
 }
 
-/// How a body takes part in the physics.
+/// Part of a body in the physics.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BodyKind {
@@ -117,7 +117,7 @@ pub struct JointSpec {
 pub struct Latch {
     /// Joint index of what opens it.
     pub joint: usize,
-    /// How far that joint has to move, radians or metres.
+    /// Least motion of that joint, radians or metres.
     pub min: f32,
 }
 

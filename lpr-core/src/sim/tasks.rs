@@ -61,13 +61,13 @@ pub struct Task {
     pub variations: Vec<String>,
     /// Keyframes of a demonstration.
     pub keyframes: usize,
-    /// How the task is placed on the table.
+    /// Places of the task on the table.
     pub placement: Placement,
     /// Makes the scenes, and the demonstrator's waypoints in them.
     pub scenes: SceneSource,
 }
 
-/// Where the scenes of a task come from; a scene's task is named by [`Task::scene`].
+/// Source of a task's scenes; a scene's task is named by [`Task::scene`].
 #[derive(Debug, Clone)]
 pub enum SceneSource {
     /// A function draws the scene of a variation (an index of [`Task::variations`], or 0).
@@ -76,7 +76,7 @@ pub enum SceneSource {
     Fixed(TaskScene),
 }
 
-/// Where a task frame may be on the table: origin and yaw are uniform.
+/// Range of the task frame on the table: origin and yaw are uniform.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placement {
     /// Centre of the origins' rectangle, from the robot's workspace centre, metres.
@@ -99,13 +99,13 @@ pub struct TaskScene {
 /// One step of the demonstrator.
 #[derive(Debug, Clone)]
 pub struct Waypoint {
-    /// Where the gripper goes and what it does there.
+    /// The pose that the gripper goes to and its command there.
     pub goal: NextBestPose,
-    /// How it gets there.
+    /// The way to the pose.
     pub approach: Approach,
 }
 
-/// How the demonstrator reaches a waypoint.
+/// The demonstrator's way to a waypoint.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Approach {
     /// Any collision-free path.
@@ -186,7 +186,7 @@ impl Task {
         scene
     }
 
-    /// How many variations there are, from 1.
+    /// Number of variations, from 1.
     #[must_use]
     pub fn n_variations(&self) -> usize {
         self.variations.len().max(1)

@@ -19,7 +19,7 @@ pub(crate) struct Episode {
     /// Seed of its scene.
     pub(crate) scene_seed: u64,
     pub(crate) steps: Vec<Taken>,
-    /// What the agent would do after the last step of an episode that was cut off.
+    /// The agent's decision after the last step of an episode that was cut off.
     pub(crate) next: Option<Choice>,
 }
 
@@ -32,7 +32,7 @@ pub(crate) struct Taken {
     pub(crate) reward: f32,
 }
 
-/// What the agent came to.
+/// The agent's choice.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Choice {
     /// A path.
@@ -118,7 +118,7 @@ impl Episode {
         }
     }
 
-    /// What is reported of it, with `discount` (γ) for what came of each step.
+    /// The report of it, with `discount` (γ) for the rewards after each step.
     pub(super) fn log(&self, episode: u64, last: &StepResult, discount: f32) -> EpisodeLog {
         let values =
             chosen_values(self.steps.iter().map(|taken| (taken.value, taken.reward)), discount);

@@ -1,4 +1,4 @@
-//! What a training step reports.
+//! Reports of training steps.
 
 use super::Progress;
 use crate::agent::Action;
@@ -48,16 +48,16 @@ impl Metrics {
     }
 }
 
-/// What an environment step and its gradient steps did.
+/// Report of an environment step and its gradient steps.
 #[derive(Debug, Clone)]
 pub struct StepLog {
-    /// How far the run has come with it.
+    /// Progress of the run, this step included.
     pub progress: Progress,
     /// Updates so far, of the network that was updated most.
     pub updates: u64,
-    /// What the agent came to.
+    /// The agent's action.
     pub action: Action,
-    /// What came of it.
+    /// The environment's answer.
     pub result: StepResult,
     /// The episode, if it ended with this step.
     pub episode: Option<EpisodeLog>,
@@ -74,16 +74,16 @@ pub struct EpisodeLog {
     pub scene_seed: u64,
     /// Environment steps.
     pub steps: usize,
-    /// Whether the task was done.
+    /// True if the task was done.
     pub success: bool,
-    /// Why not: the name of an invalid action, `timeout` or `not_done`.
+    /// The reason if it was not: the name of an invalid action, `timeout` or `not_done`.
     pub failure: Option<&'static str>,
     /// Value of the path that ran and the discounted reward that came of it, for each step that
     /// ranked paths.
     pub values: Vec<ChosenValue>,
 }
 
-/// What was expected of a path, and what came of it.
+/// Expected and realised value of a path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ChosenValue {
     /// The ranker's value of the path that ran.

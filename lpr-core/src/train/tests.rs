@@ -92,7 +92,7 @@ fn straight_lines_never_do_it_and_the_best_of_all_candidates_mostly_does() {
     assert_eq!(regret.decisive_steps - regret.missed, chosen.successes);
 }
 
-/// What a run measured, bit by bit, and its networks at the end.
+/// Measurements of a run, bit by bit, and its networks at the end.
 fn fingerprint(seed: u64, n_steps: u64) -> (Vec<(&'static str, u32)>, Vec<u8>) {
     let mut trainer = trainer(config(), Method::Lpr, seed);
     let logs = train(&mut trainer, n_steps);

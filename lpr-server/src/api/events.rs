@@ -18,12 +18,12 @@ use std::vec;
 use tokio::sync::watch;
 use utoipa::IntoParams;
 
-/// How often a silent stream shows that it lives.
+/// Time between two signs of life of a silent stream.
 const PING_INTERVAL: Duration = Duration::from_secs(10);
 /// Events that a stream holds at a time.
 const BATCH: u32 = 256;
 
-/// Where the stream begins.
+/// Beginning of the stream.
 #[derive(Debug, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
@@ -33,7 +33,7 @@ pub(super) struct StreamParameters {
     after: Option<i64>,
 }
 
-/// What happens to a job, as it happens
+/// Streams the events of a job as they happen
 ///
 /// Server-sent events, from the first or after a given one: `state` (as in the job's
 /// `transitions`), `metric` (a log point), `rewind` (`{"env_steps", "points"}`: the run went back
@@ -82,7 +82,7 @@ fn first_after(headers: &HeaderMap, parameters: &StreamParameters) -> Result<i64
     })
 }
 
-/// How far a stream has read.
+/// Position of a stream among the events.
 struct Reader {
     store: SqliteStore,
     changes: watch::Receiver<()>,
@@ -92,7 +92,7 @@ struct Reader {
     after: i64,
     /// Those that were read with it.
     batch: vec::IntoIter<jobs::Event>,
-    /// Whether the last event of all has been taken.
+    /// True if the last event of all has been taken.
     has_ended: bool,
 }
 
@@ -121,6 +121,7 @@ impl Reader {
                 self.has_ended = event.kind == EventKind::End.name();
                 return Ok(Some(event));
             }
+            // Before the read: an event that is committed after it then ends the wait below.
             self.changes.mark_unchanged();
             self.batch = self.store.events(self.job, self.after, BATCH).await?.into_iter();
             if self.batch.as_slice().is_empty() {

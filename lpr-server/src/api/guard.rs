@@ -1,4 +1,4 @@
-//! What holds for every request and every answer.
+//! Rules of every request and every answer.
 
 use super::problem::{self, Code, Problem};
 use axum::body::{Body, to_bytes};
@@ -60,7 +60,7 @@ pub(super) async fn only_problems(request: Request, next: Next) -> Response {
     response
 }
 
-/// What an error says in plain text.
+/// The words of an error in plain text.
 async fn words(body: Body) -> String {
     let bytes = to_bytes(body, MAX_WORDS).await.unwrap_or_default();
     String::from_utf8_lossy(&bytes).into_owned()
@@ -103,7 +103,7 @@ fn is_of_this_origin(headers: &HeaderMap) -> bool {
     host.is_some_and(is_loopback)
 }
 
-/// Whether `host`, with or without a port, is a name of this machine.
+/// Checks that `host`, with or without a port, is a name of this machine.
 fn is_loopback(host: &str) -> bool {
     let (name, port) = match host.strip_prefix('[').and_then(|rest| rest.split_once(']')) {
         Some((name, port)) => (name, port.strip_prefix(':').or(port.is_empty().then_some("0"))),

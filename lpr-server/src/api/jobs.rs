@@ -38,7 +38,7 @@ pub(super) struct ListParameters {
 #[derive(Debug, Serialize, ToSchema)]
 pub(super) struct JobList {
     jobs: Vec<Job>,
-    /// What asks for the next ones; null after the last.
+    /// Cursor that asks for the next ones; null after the last.
     next_cursor: Option<String>,
 }
 

@@ -26,7 +26,7 @@ pub(super) struct Version {
     api: &'static str,
 }
 
-/// Whether the server answers
+/// Says that the server answers
 #[utoipa::path(get, path = "/healthz", tag = "meta", responses(
     (status = 200, description = "It does", body = Health),
     (status = "4XX", description = "The request is refused", body = Problem, content_type = "application/problem+json"),

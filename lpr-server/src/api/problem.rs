@@ -9,7 +9,7 @@ use utoipa::ToSchema;
 /// The content type of every error.
 pub(super) const CONTENT_TYPE: HeaderValue = HeaderValue::from_static("application/problem+json");
 
-/// What went wrong, for programs.
+/// Kind of problem, for programs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, ToSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Code {
@@ -79,7 +79,7 @@ impl Code {
     }
 }
 
-/// What every answer with a status from 400 on holds.
+/// Body of every answer with a status from 400 on.
 #[derive(Debug, Clone, Serialize, ToSchema)]
 pub struct Problem {
     /// The code as a name that is unique anywhere.
@@ -89,9 +89,9 @@ pub struct Problem {
     title: String,
     /// The status of the answer.
     status: u16,
-    /// What is wrong with this request.
+    /// The error in this request, in words.
     detail: String,
-    /// What went wrong, for programs.
+    /// Kind of problem, for programs.
     code: Code,
     /// The values at fault, of a body that cannot be used.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -101,9 +101,9 @@ pub struct Problem {
 /// A value at fault.
 #[derive(Debug, Clone, Serialize, ToSchema)]
 pub struct ValueError {
-    /// Where it is in the body, as RFC 6901 writes it.
+    /// Its place in the body, as RFC 6901 writes it.
     pointer: String,
-    /// What is wrong with it.
+    /// The error in it, in words.
     detail: String,
 }
 

@@ -22,7 +22,7 @@ struct Service {
     phase: watch::Sender<Phase>,
 }
 
-/// What was answered.
+/// An answer of the server.
 struct Answer {
     status: u16,
     headers: axum::http::HeaderMap,

@@ -30,7 +30,7 @@ pub(super) struct Arm {
     pub(super) chain: Chain,
     /// The built-in arm with the same kinematics, and the tip as its grip.
     pub(super) closed_form: Option<Robot>,
-    /// Where to look for solutions first.
+    /// Configuration at which the search for solutions starts.
     pub(super) start: JointConfig,
 }
 

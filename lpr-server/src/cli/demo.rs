@@ -170,7 +170,7 @@ fn quantise(env: &SimEnvironment, seed: u64) -> Result<SimEnvironment, &'static 
 }
 
 impl FailedEpisode {
-    /// Why a demonstration did not do the task; none when it did.
+    /// Failure of a demonstration; none when it did the task.
     fn of(demo: &Demonstration, scene_seed: u64) -> Option<Self> {
         (!demo.success).then(|| Self {
             scene_seed,

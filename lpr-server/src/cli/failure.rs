@@ -16,7 +16,7 @@ const FAILED: u8 = 1;
 /// Exit status of arguments that are unknown, out of range or do not go together.
 pub(super) const WRONG_USAGE: u8 = 2;
 
-/// Why a command failed.
+/// Reason why a command failed.
 #[derive(Debug, Error)]
 pub(super) enum Failure {
     /// Input that the algorithms refuse.

@@ -41,7 +41,7 @@ struct PoseResult {
     solutions: Vec<Vec<f32>>,
     /// Time of the search, microseconds.
     micros: f64,
-    /// Why there are fewer solutions than wanted.
+    /// Reason why there are fewer solutions than wanted.
     reason: Option<&'static str>,
 }
 

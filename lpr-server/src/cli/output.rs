@@ -5,7 +5,7 @@ use core::fmt::Display;
 use serde::Serialize;
 use std::io::{self, Write as _};
 
-/// How a report is printed.
+/// Format of a printed report.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Format {
     Json,

@@ -117,11 +117,11 @@ struct CandidateRow {
     length: Option<f32>,
     /// The ranker's value: none without a checkpoint.
     value: Option<f32>,
-    /// Why the draw gave no candidate.
+    /// Reason why the draw gave no candidate.
     rejected: Option<&'static str>,
     executed: bool,
     success: Option<bool>,
-    /// Why the execution did not succeed.
+    /// Reason why the execution did not succeed.
     reason: Option<&'static str>,
     path: Option<Vec<JointConfig>>,
 }
@@ -404,8 +404,8 @@ impl Drawn {
     }
 }
 
-/// Why an executed candidate did not succeed: what made it end, or that it did not do what the
-/// demonstrator did.
+/// Reason why an executed candidate did not succeed: the event that made it end, or that it did not
+/// do what the demonstrator did.
 fn failure(trial: &Trial) -> Option<&'static str> {
     (!trial.success).then(|| trial.result.invalid.map_or("not_done", |invalid| invalid.name()))
 }

@@ -53,7 +53,7 @@ pub(super) struct Report {
     range_m: [[f32; 2]; 2],
 }
 
-/// How many of the feasible ones were hit.
+/// Numbers of the feasible ones and of those that were hit.
 #[derive(Debug, Serialize)]
 struct Covered {
     hit: usize,
@@ -68,7 +68,7 @@ impl Covered {
     }
 }
 
-/// Where a scene stands.
+/// Place of a scene.
 #[derive(Debug, Clone, Copy)]
 struct Place {
     at: Vec2,

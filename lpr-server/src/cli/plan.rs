@@ -69,7 +69,7 @@ pub(super) struct Report {
     summary: Summary,
 }
 
-/// How one planner did on one problem. Times are the least of the repeats.
+/// Result of one planner on one problem. Times are the least of the repeats.
 #[derive(Debug, Serialize)]
 struct ProblemResult {
     name: String,

@@ -29,7 +29,7 @@ use std::sync::Arc;
 
 /// Time between the pictures of an animation, milliseconds.
 const GIF_PERIOD_MS: u32 = 100;
-/// How long the end of an animation is shown, milliseconds.
+/// Time that the end of an animation is shown, milliseconds.
 const END_MS: u32 = 1000;
 const ANIMATION_SIZE: Size = Size { width: 320, height: 240 };
 const PLANNER_RGB: [u8; 3] = [30, 110, 220];

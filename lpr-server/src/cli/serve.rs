@@ -13,16 +13,16 @@ use tokio::runtime;
 use tokio::sync::watch;
 use tokio::task::JoinSet;
 
-/// How long requests that are being answered may take when the server stops.
+/// Time that requests which are being answered may take when the server stops.
 const GRACE: Duration = Duration::from_secs(5);
 
 /// Options of `lpr serve`.
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
-    /// Where to listen; port 0 is any free one
+    /// Address to listen on; port 0 is any free one
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8080")]
     bind: SocketAddr,
-    /// Where jobs are kept, with their runs
+    /// Directory of jobs and their runs
     #[arg(long, value_name = "DIR", default_value = "lpr-data")]
     data_dir: PathBuf,
     /// Jobs that run at a time; with none, jobs wait

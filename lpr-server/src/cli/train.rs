@@ -35,7 +35,7 @@ pub(super) struct Arguments {
     out: PathBuf,
     #[command(flatten)]
     robot: RobotArgument,
-    /// How paths are chosen: lpr, lpr-no-policy or c2farm
+    /// The choice of paths: lpr, lpr-no-policy or c2farm
     #[arg(long, value_parser = Method::by_name, default_value = Method::Lpr.name())]
     method: Method,
     /// A built-in preset (fast, paper, paper-narrow) or a file that lists every setting

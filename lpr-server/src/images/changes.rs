@@ -57,7 +57,7 @@ pub fn write_gif_of_changes(path: &Path, width: u16, height: u16, frames: &[Show
     })
 }
 
-/// What changes from `before` to `after`; all of `after` where there is nothing before it.
+/// The change from `before` to `after`; all of `after` where there is nothing before it.
 fn change(before: Option<&[u8]>, after: &[u8], width: usize) -> Change {
     let differs = |idx: usize| before.is_none_or(|before| before[idx] != after[idx]);
     let changed: Vec<_> = (0..after.len())

@@ -39,7 +39,7 @@ impl DataDirectory {
         self.path.join("lpr.sqlite")
     }
 
-    /// Where jobs have their folders.
+    /// Directory of the jobs' folders.
     #[must_use]
     pub fn jobs(&self) -> PathBuf {
         self.path.join("jobs")

@@ -11,13 +11,13 @@ use std::path::{Path, PathBuf};
 use std::thread::sleep;
 use std::time::Instant;
 
-/// How long an attempt waits for the process of an earlier one, which ends when it notices that its
-/// server is gone.
+/// Time that an attempt waits for the process of an earlier one, which ends when it notices that
+/// its server is gone.
 const PATIENCE: Duration = Duration::from_secs(30);
 /// Bytes at the end of a log in which its last line is looked for.
 const LAST_BYTES: u64 = 4096;
 
-/// Where a job keeps its files.
+/// Folder of a job's files.
 #[derive(Debug, Clone)]
 pub(super) struct JobFolder(PathBuf);
 
@@ -100,14 +100,14 @@ impl JobFolder {
         }
     }
 
-    /// What the run found, once it has ended.
+    /// The run's summary, once it has ended.
     pub(super) fn summary(&self) -> Result<Option<Map<String, Value>>> {
         let path = self.run().join(run_directory::SUMMARY);
         if path.exists() { files::read_json(&path).map(Some) } else { Ok(None) }
     }
 }
 
-/// What the process of an attempt writes to standard error.
+/// Standard error of an attempt's process.
 #[derive(Debug)]
 pub(super) struct Log {
     file: File,
@@ -139,7 +139,7 @@ fn read_end(mut file: &File, start: u64) -> io::Result<String> {
     Ok(String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// Where the folders of jobs are.
+/// Folder of a job among the folders of all jobs.
 pub(super) fn of_job(jobs: &Path, id: super::job::JobId) -> Result<JobFolder> {
     JobFolder::create(jobs.join(id.to_string()))
 }

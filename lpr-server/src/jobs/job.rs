@@ -48,15 +48,15 @@ pub struct Job {
     /// Its identifier, by whose order jobs sort by their creation.
     #[schema(value_type = String, format = "uuid")]
     pub id: JobId,
-    /// Where it is.
+    /// Its state.
     pub state: State,
-    /// Why, when the state alone does not say so.
+    /// Reason of the state, when the state alone does not tell it.
     pub reason: Option<Reason>,
-    /// What a failed job said last.
+    /// The last words of a failed job.
     pub message: Option<String>,
-    /// What it trains.
+    /// Its settings.
     pub spec: JobSpec,
-    /// How often a worker has taken it.
+    /// Number of times that a worker has taken it.
     pub attempt: u32,
     /// When it was submitted.
     #[schema(value_type = String, format = DateTime)]
@@ -83,7 +83,7 @@ pub struct Job {
 pub struct Transition {
     /// The state.
     pub state: State,
-    /// Why, when the state alone does not say so.
+    /// Reason of the state, when the state alone does not tell it.
     pub reason: Option<Reason>,
     /// When.
     #[schema(value_type = String, format = DateTime)]

@@ -1,4 +1,4 @@
-//! What a job trains: the options of `lpr train` as JSON, checked before the job is accepted.
+//! Settings of a job: the options of `lpr train` as JSON, checked before the job is accepted.
 
 use crate::run_options::{DEFAULT_MINUTES, DEFAULT_PRESET, check_minutes, check_trainable};
 use lpr_core::agent::Method;
@@ -16,7 +16,7 @@ use utoipa::ToSchema;
 /// Most demonstrations of a job: a thousand times the default.
 const MAX_DEMOS: u32 = 10_000;
 
-/// What a job trains. Each field is the option of `lpr train` of that name.
+/// Settings of a job. Each field is the option of `lpr train` of that name.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct JobSpec {
@@ -27,7 +27,7 @@ pub struct JobSpec {
     #[serde(default = "default_robot")]
     #[schema(default = "xarm7")]
     pub robot: String,
-    /// How paths are chosen: `lpr`, `lpr-no-policy` or `c2farm`.
+    /// The choice of paths: `lpr`, `lpr-no-policy` or `c2farm`.
     #[serde(default = "default_method")]
     #[schema(default = "lpr")]
     pub method: String,
@@ -43,7 +43,7 @@ pub struct JobSpec {
     #[serde(default)]
     #[schema(maximum = 10_000)]
     pub demos: Option<u32>,
-    /// Whether next-best poses are the demonstrator's, so that only paths are learned.
+    /// True if next-best poses are the demonstrator's, so that only paths are learned.
     #[serde(default)]
     pub oracle_poses: bool,
     /// Seed of everything drawn, below 2^63.
@@ -82,9 +82,9 @@ const fn default_minutes() -> f64 {
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 #[error("{pointer}: {detail}")]
 pub struct SpecError {
-    /// Where it is in the JSON, as RFC 6901 writes it.
+    /// Its place in the JSON, as RFC 6901 writes it.
     pub pointer: String,
-    /// What is wrong with it.
+    /// The error in it, in words.
     pub detail: String,
 }
 
@@ -165,7 +165,7 @@ impl JobSpec {
     }
 }
 
-/// Where a value is in its JSON document, as RFC 6901 writes it.
+/// Place of a value in its JSON document, as RFC 6901 writes it.
 #[must_use]
 pub fn pointer(path: &Path) -> String {
     let segments = path.iter().map(|segment| match segment {
@@ -178,7 +178,7 @@ pub fn pointer(path: &Path) -> String {
     segments.collect()
 }
 
-/// Whether a number is one that files and databases hold.
+/// Checks that files and databases can hold a number.
 fn check_number(number: u64) -> Result<(), String> {
     if i64::try_from(number).is_ok() {
         Ok(())
@@ -187,7 +187,7 @@ fn check_number(number: u64) -> Result<(), String> {
     }
 }
 
-/// What the core says, without the word for where it looked.
+/// The core's reason, without the word for the place where it looked.
 fn reason_of(error: lpr_core::Error) -> String {
     match error {
         lpr_core::Error::Config(reason)

@@ -5,10 +5,10 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 use utoipa::ToSchema;
 
-/// How often a job may lose its worker or its process before it fails.
+/// Number of times that a job may lose its worker or its process before it fails.
 pub(super) const MAX_LOSSES: u32 = 3;
 
-/// Where a job is. The last three are terminal: a job never leaves them.
+/// State of a job. The last three are terminal: a job never leaves them.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema, strum::IntoStaticStr,
 )]
@@ -46,7 +46,7 @@ impl State {
         self.into()
     }
 
-    /// Whether nothing more can happen.
+    /// True if nothing more can happen.
     #[must_use]
     pub const fn is_terminal(self) -> bool {
         matches!(self, Self::Succeeded | Self::Failed | Self::Cancelled)
@@ -59,7 +59,7 @@ impl fmt::Display for State {
     }
 }
 
-/// Why a job is where it is, when its state alone does not say so.
+/// Reason of a job's state, when the state alone does not tell it.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, ToSchema, strum::IntoStaticStr,
 )]
@@ -98,7 +98,7 @@ impl Reason {
     }
 }
 
-/// What happens to a job.
+/// Change in the life of a job.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Change {
     /// A worker takes it.
@@ -115,7 +115,7 @@ pub enum Change {
     ServerStopped,
     /// Its worker or its process has vanished.
     WorkerLost {
-        /// How often, with this one.
+        /// Number of losses, this one included.
         losses: u32,
     },
 }
@@ -123,9 +123,9 @@ pub enum Change {
 /// A state with the reason for it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Step {
-    /// Where the job is now.
+    /// The state of the job now.
     pub(super) state: State,
-    /// Why.
+    /// Reason of the state.
     pub(super) reason: Option<Reason>,
 }
 
@@ -137,7 +137,8 @@ pub struct Refused {
     pub state: State,
 }
 
-/// Where `change` leads from `state`; `None` when the job already is where the change leads.
+/// The step that `change` makes from `state`; `None` when the job already is where the change
+/// leads.
 ///
 /// # Errors
 ///

@@ -27,20 +27,20 @@ use tokio::sync::watch;
 const MIGRATIONS: [(i64, &str, &str); 1] =
     [(1, "jobs", include_str!("../../migrations/0001_jobs.sql"))];
 
-/// How long a change waits for others that write.
+/// Time that a change waits for others that write.
 const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Connections: one writes, others read meanwhile.
 const MAX_CONNECTIONS: u32 = 8;
 
-/// How an attempt ended.
+/// End of an attempt.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ended {
-    /// What happened.
+    /// The change of the job's state.
     pub change: Change,
-    /// What a failed job said last.
+    /// The last words of a failed job.
     pub message: Option<String>,
-    /// What a job that ended well found.
+    /// The summary of a job that ended well.
     pub summary: Option<Map<String, Value>>,
 }
 
@@ -138,6 +138,8 @@ impl SqliteStore {
         let id = JobId::generate();
         insert_job(&mut tx, id, &spec.task, &text).await?;
         enter(&mut tx, id, Step { state: State::Queued, reason: None }).await?;
+        // Kept as it is sent: a repeated request gets the same bytes, even after the job has moved
+        // on.
         let body = json_text(&fetch(&mut tx, id).await?, "answer")?;
         if let Some(key) = key {
             let insert =
@@ -270,11 +272,14 @@ impl SqliteStore {
     }
 
     pub(super) async fn begin(&self) -> Result<Transaction<'static, Sqlite>> {
+        // Takes the lock for writing at once: a transaction that has read already fails when
+        // another has written since, and no busy timeout waits for that.
         Ok(self.pool.begin_with("BEGIN IMMEDIATE").await?)
     }
 
     pub(super) async fn commit(&self, tx: Transaction<'_, Sqlite>) -> Result<()> {
         tx.commit().await?;
+        // After the commit: whoever wakes finds the change in the database.
         self.changes.send_replace(());
         Ok(())
     }
@@ -287,7 +292,7 @@ fn migrator() -> Migrator {
     Migrator::with_migrations(migrations.into())
 }
 
-/// What the first request with `key` was answered.
+/// The answer to the first request with `key`.
 async fn earlier_answer(
     tx: &mut SqliteConnection,
     key: &str,

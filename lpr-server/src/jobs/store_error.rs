@@ -12,9 +12,9 @@ pub enum StoreError {
     /// Something in the database is not what this program writes.
     #[error("database: a job's {column} cannot be read: {reason}")]
     Unreadable {
-        /// Where it is.
+        /// The column that holds it.
         column: &'static str,
-        /// What is wrong with it.
+        /// The error in it, in words.
         reason: String,
     },
     /// There is no such job.

@@ -20,38 +20,38 @@ use tokio::sync::watch;
 use tokio::task::{JoinError, spawn_blocking};
 use tokio::time::{MissedTickBehavior, interval, sleep};
 
-/// How often a worker looks at the metrics and at whether the job was cancelled.
+/// Time between two looks of a worker at the metrics and at a request to cancel the job.
 const LOOK_INTERVAL: Duration = Duration::from_millis(100);
-/// How long a worker leaves a database alone that has failed.
+/// Time that a worker leaves a database alone that has failed.
 const PAUSE: Duration = Duration::from_secs(1);
 
 /// Takes jobs from the queue until the server stops.
 #[derive(Debug, Clone)]
 pub struct Worker {
-    /// Where jobs are kept.
+    /// The store of the jobs.
     pub store: SqliteStore,
     /// The `lpr` binary.
     pub program: PathBuf,
-    /// Where jobs have their folders.
+    /// Directory of the jobs' folders.
     pub jobs: PathBuf,
-    /// What the server is about.
+    /// Phase of the server: it serves or it stops.
     pub phase: watch::Receiver<Phase>,
 }
 
-/// How the process of an attempt ended.
+/// End of the process of an attempt.
 enum Exit {
     ByItself(ExitStatus),
     Cancelled,
     Stopped,
 }
 
-/// What became of an attempt.
+/// Outcome of an attempt.
 enum Attempt {
     Ended(Ended),
     Lost(String),
 }
 
-/// Why a worker could not do its part.
+/// Reason why a worker could not do its part.
 #[derive(Debug, Error)]
 enum WorkerError {
     #[error(transparent)]
@@ -73,6 +73,8 @@ impl Worker {
     pub async fn work(mut self) {
         let mut changes = self.store.changes();
         while *self.phase.borrow() == Phase::Serving {
+            // Before the look at the queue: a job that comes after the look then ends the wait
+            // below.
             changes.mark_unchanged();
             match self.store.claim().await {
                 Ok(Some((claim, spec))) => self.run(claim, spec).await,
@@ -108,6 +110,7 @@ impl Worker {
         let folder = folder::of_job(&self.jobs, claim.id)?;
         let (log, start) = prepare(folder.clone()).await?;
         self.go_back(claim, &start).await?;
+        // After the rewind: it decides how many lines the history has already.
         let mut tail = Tail::after(folder.metrics(), self.store.n_points(claim.id).await?).await?;
         if let Start::Done(summary) = start {
             self.forward(claim, &mut tail).await?;
@@ -123,6 +126,7 @@ impl Worker {
         arguments.extend(matches!(start, Start::Resume(_)).then(|| "--resume".into()));
         let process = Process::start(&self.program, &arguments, log.for_process()?)?;
         let exit = self.watch(claim, process, &mut tail).await?;
+        // Lines that the process wrote between the last look and its end.
         self.forward(claim, &mut tail).await?;
         match exit {
             Exit::Stopped => Ok(Attempt::Ended(Ended::new(Change::ServerStopped))),
@@ -177,7 +181,7 @@ async fn prepare(folder: JobFolder) -> Result<(Log, Start)> {
         .await??)
 }
 
-/// What became of a process that ended by itself, by what it left.
+/// Judges a process that ended by itself, by the files that it left.
 fn judge(
     status: ExitStatus,
     summary: Option<Map<String, Value>>,

@@ -13,7 +13,7 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 use thiserror::Error;
 
-/// How often the reader of reports looks whether it should end.
+/// Time after which the reader of reports looks for a wish to end.
 const READ_TIMEOUT: Duration = Duration::from_millis(50);
 
 /// Failure of a connection; each message begins with the attempt.
@@ -48,7 +48,7 @@ pub enum ClientError {
     Timeout {
         /// The request.
         what: &'static str,
-        /// How long we waited.
+        /// Time that we waited.
         after: Duration,
     },
     /// Bytes that are not what the protocol asks for.

@@ -59,7 +59,7 @@ pub struct Link {
     reports: Reports,
 }
 
-/// How an execution went.
+/// Course of an execution.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Execution {
     /// Points that were sent.
@@ -70,7 +70,7 @@ pub struct Execution {
     pub max_lateness: Duration,
     /// Longest wait for a reply.
     pub max_reply: Duration,
-    /// Where the arm is in the end.
+    /// Configuration of the arm in the end.
     pub arrived_at: JointConfig,
 }
 
@@ -89,7 +89,7 @@ impl Link {
         })
     }
 
-    /// Where the arm is, radians.
+    /// Measured configuration of the arm, radians.
     ///
     /// # Errors
     ///

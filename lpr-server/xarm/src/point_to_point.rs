@@ -17,7 +17,7 @@ use thiserror::Error as ThisError;
 /// joints only.
 const MAX_DURATION: f64 = 7.6e3;
 
-/// Why there is no motion from point to point.
+/// Reason why there is no motion from point to point.
 ///
 /// ```
 /// use lpr_core::path::{JointState, MotionLimits};
@@ -83,7 +83,7 @@ pub struct PointToPoint {
 enum Course {
     /// One, of the length along a straight line.
     Line {
-        /// Where the line starts, rad.
+        /// Start of the line, rad.
         start: [f64; DOF],
         /// Way of every joint per unit of the length.
         direction: [f64; DOF],

@@ -1,4 +1,4 @@
-//! Where a controller, or an emulator, is reached.
+//! Ports of a controller, or of an emulator.
 
 use crate::wire;
 

@@ -71,7 +71,7 @@ pub struct CheckedPath {
     margins: Margins,
 }
 
-/// How near a path comes to what is allowed.
+/// Extremes of a path that the limits bound.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Margins {
     /// Fastest joint, rad/s.
@@ -93,13 +93,13 @@ impl CheckedPath {
         &self.points
     }
 
-    /// Where it starts.
+    /// Its first configuration.
     #[must_use]
     pub fn start(&self) -> &JointConfig {
         &self.points[0]
     }
 
-    /// Where it ends.
+    /// Its last configuration.
     #[must_use]
     pub fn goal(&self) -> &JointConfig {
         &self.points[self.points.len() - 1]
@@ -117,7 +117,7 @@ impl CheckedPath {
         (self.points.len() - 1) as f64 * self.tick_secs
     }
 
-    /// How near it comes to what is allowed.
+    /// Its extremes that the limits bound.
     #[must_use]
     pub const fn margins(&self) -> &Margins {
         &self.margins

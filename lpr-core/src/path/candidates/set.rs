@@ -20,7 +20,7 @@ pub struct CandidatePath {
 pub struct RejectedPath {
     /// Which generator failed.
     pub source: Source,
-    /// Why.
+    /// Reason of the failure.
     pub reason: Rejection,
 }
 

@@ -36,13 +36,13 @@ pub(super) fn straight_course(
 pub(super) struct Touch {
     /// Waypoint at or before it.
     pub(super) edge: usize,
-    /// How far on the way to the next, above 0 to 1.
+    /// Fraction of the way to the next waypoint, above 0, at most 1.
     pub(super) fraction: f32,
     pub(super) proximity: Proximity,
 }
 
 impl Touch {
-    /// How far the gap is short of `distance`, metres; 0 if it is not.
+    /// Shortfall of the gap against `distance`, metres; 0 if there is none.
     pub(super) fn shortfall(&self, distance: f32) -> f32 {
         (distance - self.proximity.distance).max(0.0)
     }
@@ -75,7 +75,7 @@ pub(super) fn touches(
 pub(super) struct Beginnings {
     /// Waypoints between the ends.
     pub(super) waypoints: usize,
-    /// How many are tried.
+    /// Number of beginnings that are tried.
     pub(super) count: u32,
 }
 
@@ -116,7 +116,7 @@ pub(super) fn optimize_beginnings(
 
 /// A free configuration, if some draws give one.
 fn free_sample(checker: &MotionChecker<'_>, bounds: &Bounds, rng: &mut Rng) -> Option<JointConfig> {
-    /// Where none of so many is free, the straight motion is tried again.
+    /// Draws of a configuration; if none of them is free, the straight motion is tried again.
     const DRAWS: usize = 50;
     (0..DRAWS).map(|_| sample_within(bounds, rng)).find(|sample| checker.is_free(sample))
 }

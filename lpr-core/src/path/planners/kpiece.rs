@@ -156,7 +156,7 @@ struct Cell {
 }
 
 impl Cell {
-    /// How much growing from here promises.
+    /// Importance of the cell: the promise of growing from here.
     fn importance(&self) -> f32 {
         let age = libm::logf(1.0 + self.created as f32);
         age * self.score

@@ -35,7 +35,7 @@ pub struct StompSettings {
     pub kept_copies: usize,
     /// Standard deviation of the noise in the middle of the path, radians.
     pub noise: f32,
-    /// How sharply better copies are preferred (`h` in the paper).
+    /// Sharpness of the preference for better copies (`h` in the paper).
     pub sensitivity: f32,
     /// Gap that is kept to obstacles and other links (`ε` in the paper), metres.
     pub safe_distance: f32,

@@ -137,7 +137,7 @@ pub fn trajopt(
     })
 }
 
-/// How far an optimisation has come.
+/// State of an optimisation.
 struct State {
     course: Vec<JointConfig>,
     /// Everything that the arm is nearer to there than the seen distance.

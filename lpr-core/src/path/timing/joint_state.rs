@@ -2,7 +2,7 @@
 
 use crate::robot::{DOF, JointConfig};
 
-/// Where the joints are and how they move at one moment.
+/// Position, velocity and acceleration of the joints at one moment.
 ///
 /// ```
 /// use lpr_core::path::JointState;

@@ -99,6 +99,8 @@ impl FastNetwork {
         let device = input.voxels.device();
         let [half, quarter] = [self.side / 2, self.side / 4];
         let voxels = input.voxels.swap_dims(1, 2).reshape([n * n_voxels, channels]);
+        // Block order, 4³ voxels a block: the reshapes below gather the 2³ children of a cell or
+        // block.
         let voxels = voxels.select(0, per_sample(&raster_of_block(self.side, 4), n, &device));
         let n_cells = n * half * half * half;
         let n_blocks = n * quarter * quarter * quarter;

@@ -12,8 +12,8 @@ use crate::rng::{Stream, stream};
 use crate::sim::environment::SimEnvironment;
 use crate::sim::world::Grasp;
 
-/// How far from where the demonstrator leaves it a joint may be left before the last keyframe, as a
-/// share of its range.
+/// Greatest difference of a joint from where the demonstrator leaves it, before the last keyframe,
+/// as a share of its range.
 const JOINT_TOLERANCE: f32 = 0.1;
 
 /// A snapshot in which the demonstrator's next keyframe is `goal`.
@@ -58,7 +58,7 @@ pub fn keyframe_snapshots(env: &SimEnvironment, seed: u64) -> Option<Vec<Keyfram
 /// Outcome of one candidate.
 #[derive(Debug, Clone)]
 pub struct Trial {
-    /// Where the path came from.
+    /// The generator of the path.
     pub source: Source,
     /// The environment's answer.
     pub result: StepResult,

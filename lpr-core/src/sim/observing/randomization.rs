@@ -1,4 +1,4 @@
-//! How a scene may look otherwise than it is built: colours, light and where the cameras stand.
+//! Random changes of a scene's look: colours, light and the places of the cameras.
 //!
 //! Off unless it is asked for. Every draw is a function of the seed, so that a scene looks the same
 //! for a whole episode.

@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::scene::{Part, Shape};
 use glamx::{Pose3, Vec3};
 
-/// How far the length of a unit axis or quaternion may be from 1.
+/// Greatest difference of the length of a unit axis or quaternion from 1.
 const UNIT_TOLERANCE: f32 = 1e-3;
 /// Most bodies of a scene: masks hold their indices in 16 bits, and no table has room for more.
 const MAX_BODIES: usize = 1000;

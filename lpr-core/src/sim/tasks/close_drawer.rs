@@ -28,12 +28,12 @@ pub(super) fn close_drawer() -> Task {
     }
 }
 
-/// How far the drawer is open at the start, metres.
+/// Opening of the drawer at the start, metres.
 const PULLED: f32 = 0.10;
 /// Push at which the task is done, metres.
 const PUSHED: f32 = 0.06;
-/// How far the demonstrator's grip goes beyond where the handle was, metres: the fingers reach a
-/// centimetre farther. At the published end the drawer would be pressed against its frame.
+/// Distance that the demonstrator's grip goes beyond where the handle was, metres: the fingers
+/// reach a centimetre farther. At the published end the drawer would be pressed against its frame.
 const SHORT_OF_END: f32 = 0.06;
 
 fn build(variation: usize, _: &mut Rng) -> TaskScene {

@@ -48,7 +48,7 @@ const DEMONSTRATED: f32 = 66_f32.to_radians();
 /// than the door, and the bar in it.
 const HAND_PITCH: f32 = 30.0;
 const HAND_TURN: f32 = 10_f32.to_radians();
-/// How far from the bar the hand begins, metres.
+/// Distance from the bar at which the hand begins, metres.
 const APPROACH: f32 = 0.08;
 
 const ENAMEL: [u8; 3] = [226, 228, 232];

@@ -52,9 +52,9 @@ const LEVER_DEMONSTRATED: f32 = 30_f32.to_radians();
 /// Opening at which the task is done, and at which the demonstrator stops, radians.
 const OPEN: f32 = 25_f32.to_radians();
 const DEMONSTRATED: f32 = 28_f32.to_radians();
-/// Where the lever is held, from its axle along -y, metres.
+/// Distance from the lever's axle along -y at which the lever is held, metres.
 const HOLD: f32 = 0.08;
-/// How far from the lever the hand begins, metres.
+/// Distance from the lever at which the hand begins, metres.
 const APPROACH: f32 = 0.10;
 
 const PAINT: [u8; 3] = [206, 196, 178];

@@ -46,7 +46,7 @@ const DEMONSTRATED: f32 = 0.16;
 const STAND_OFF: f32 = 0.035;
 const BAR_RADIUS: f32 = 0.006;
 const BAR_LENGTH: f32 = 0.09;
-/// How far from the bar the hand begins, metres.
+/// Distance from the bar at which the hand begins, metres.
 const APPROACH: f32 = 0.08;
 
 const STEEL: [u8; 3] = [118, 126, 138];

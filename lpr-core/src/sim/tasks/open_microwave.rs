@@ -42,7 +42,7 @@ const BAR_LENGTH: f32 = 0.216;
 /// Opening at which the task is done, and at which the demonstrator stops, radians.
 const OPEN: f32 = 80_f32.to_radians();
 const DEMONSTRATED: f32 = 85_f32.to_radians();
-/// How far from the bar the hand begins, metres.
+/// Distance from the bar at which the hand begins, metres.
 const APPROACH: f32 = 0.08;
 
 const CASE: [u8; 3] = [214, 216, 220];

@@ -35,7 +35,7 @@ const BIN_AT: Vec3 = Vec3::new(0.087, -0.280, 0.0);
 const RUBBISH: [f32; 3] = [0.087, 0.050, 0.034];
 const RUBBISH_MASS: f32 = 0.42;
 const TOMATO_RADIUS: f32 = 0.033;
-/// Where rubbish and tomatoes lie, in any order.
+/// Places of rubbish and tomatoes, in any order.
 const SPOTS: [[f32; 2]; 3] = [[0.05, 0.10], [0.05, -0.04], [0.05, 0.25]];
 
 const BIN_RGB: [u8; 3] = [70, 90, 120];

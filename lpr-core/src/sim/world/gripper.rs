@@ -48,7 +48,7 @@ pub(super) struct GripperState {
     pub(super) width: f32,
     pub(super) command: Gripper,
     pub(super) grasp: Grasp,
-    /// How far both fingers have given way along the grip's y, metres.
+    /// Distance by which both fingers have given way along the grip's y, metres.
     pub(super) offset: f32,
     /// Contact forces of the fingers at +y and -y after the last step, newtons.
     pub(super) forces: [f32; 2],

@@ -6,16 +6,17 @@ use crate::sim::scene::{BodyKind, JointKind, JointSpec};
 use glamx::{Pose3, Quat, Vec3};
 use std::sync::Arc;
 
-/// How far a latched joint has to be from its start for its latch to miss it, radians or metres.
+/// Least distance of a latched joint from its start at which its latch misses it, radians or
+/// metres.
 const LATCH_DEPTH: f32 = 0.02;
 
 impl World {
-    /// How a body has moved since the start, in the world.
+    /// Motion of a body since the start, in the world.
     fn motion(&self, body: usize) -> Pose3 {
         self.body_pose(body) * self.spec.bodies[body].pose.inverse()
     }
 
-    /// How a joint's child has moved since the start, as if its parent had stayed.
+    /// Motion of a joint's child since the start, as if its parent had stayed.
     fn joint_motion(&self, spec: &JointSpec) -> Pose3 {
         match self.spec.bodies[spec.parent].kind {
             BodyKind::Visual | BodyKind::Fixed => self.motion(spec.child),
@@ -54,8 +55,8 @@ impl World {
         (0..self.joints.len()).map(|joint| self.joint_position(joint)).collect()
     }
 
-    /// How far a joint's child is off its axis now: metres at the anchor and radians, without the
-    /// free motion.
+    /// Deviation of a joint's child from its axis now: metres at the anchor and radians, without
+    /// the free motion.
     #[must_use]
     pub fn joint_deviation(&self, joint: usize) -> (f32, f32) {
         let spec = &self.spec.joints[joint];

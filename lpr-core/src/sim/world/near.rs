@@ -11,7 +11,8 @@ use glamx::{Pose3, Vec3};
 use rapier3d::parry::bounding_volume::{Aabb, BoundingVolume as _};
 use rapier3d::prelude::{ColliderHandle, RigidBodyHandle};
 
-/// How near counts, metres: farther than link and object come towards each other in a physics step.
+/// Distance that counts as near, metres: farther than link and object come towards each other in a
+/// physics step.
 const NEAR: f32 = 0.05;
 
 /// A ball around the colliders of a body, in the body's frame.

@@ -1,5 +1,6 @@
-//! Physics settings, and rapier's integration parameters made of them: named here, since rapier's
-//! defaults change between releases.
+//! Physics settings, and rapier's integration parameters made of them: each that rigid bodies need
+//! is named here, since rapier's defaults change between releases. Only the settings of its soft
+//! bodies, which no scene has, are left to a default.
 
 use rapier3d::prelude::{FrictionModel, IntegrationParameters, SpringCoefficients};
 use serde::{Deserialize, Serialize};
@@ -29,12 +30,12 @@ pub struct SimParams {
     pub grip_force: f32,
     /// Speed of one finger while it closes or opens, m/s.
     pub finger_speed: f32,
-    /// How far a finger in contact gives way in one physics step per newton of force error, metres:
-    /// it sets the grip force, and lets both fingers follow a handle sideways as a compliant arm
-    /// does. The closing of heavy bodies is slower, see `GripperState::gain`.
+    /// Distance by which a finger in contact gives way in one physics step per newton of force
+    /// error, metres: it sets the grip force, and lets both fingers follow a handle sideways as a
+    /// compliant arm does. The closing of heavy bodies is slower, see `GripperState::gain`.
     pub finger_compliance: f32,
-    /// How far the fingers may follow sideways before they are rigid, metres: a little more than
-    /// half a voxel.
+    /// Greatest distance that the fingers follow sideways before they are rigid, metres: a third of
+    /// a voxel of the last depth (0.30 m / 16 in the presets).
     pub finger_play: f32,
     /// Friction coefficient of the pads (combined by maximum with what they touch).
     pub pad_friction: f32,

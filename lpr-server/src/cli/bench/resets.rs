@@ -1,4 +1,4 @@
-//! How soon an agent sees a new scene: every task with both robots, and the middle of them all.
+//! Time until an agent sees a new scene: every task with both robots, and the middle of them all.
 
 use super::{Row, measure};
 use crate::cli::failure::Result;

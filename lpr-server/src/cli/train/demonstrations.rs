@@ -12,7 +12,7 @@ use lpr_core::train::{Trainer, demonstration_scene};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// How the name of a demonstration ends.
+/// End of the name of a demonstration.
 const EXTENSION: &str = ".demo.json.gz";
 /// Scenes that no run may learn from: those of validations and of the final evaluation.
 const HELD_OUT: [Range<u64>; 2] = [1000..2000, 5000..5100];

@@ -49,7 +49,7 @@ impl SqliteStore {
         Ok(select.bind(id.to_string()).fetch_all(&self.pool).await?)
     }
 
-    /// How many log points of a job are in its history: the first so many lines of `metrics.jsonl`.
+    /// Number of log points of a job in its history: the first so many lines of `metrics.jsonl`.
     pub(in crate::jobs) async fn n_points(&self, id: JobId) -> Result<u64> {
         n_points(&mut *self.pool.acquire().await?, id).await
     }

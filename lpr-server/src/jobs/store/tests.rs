@@ -1,4 +1,5 @@
 use super::*;
+use crate::jobs::Refused;
 use crate::jobs::event::{Event, Point};
 use serde_json::json;
 use tempfile::TempDir;

@@ -71,7 +71,7 @@ pub(super) struct Controller {
     /// Seconds since it was switched on.
     time: f64,
     world: Box<dyn World>,
-    /// Where the joints should be now.
+    /// Configuration in which the joints should be now.
     setpoint: JointConfig,
     /// Measured, rad/s.
     speeds: [f32; DOF],

@@ -1,4 +1,4 @@
-//! Where the emulator listens: ports, and files for the vendor's SDK.
+//! Listeners of the emulator: ports, and files for the vendor's SDK.
 
 use super::received::Channel;
 use super::settings::EmulatorSettings;
@@ -9,7 +9,7 @@ use std::io;
 use std::net::{IpAddr, SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
 
-/// How the vendor's SDK calls the Unix sockets, before the port of a controller.
+/// Beginning of the names of Unix sockets in the vendor's SDK, before the port of a controller.
 const UDS_PREFIX: &str = "xarmcontroller_uds_";
 
 /// Purpose of a listener.
@@ -19,7 +19,7 @@ pub(super) enum Purpose {
     Reports(ReportKind),
 }
 
-/// Why an emulator does not start.
+/// Reason why an emulator does not start.
 #[derive(Debug, thiserror::Error)]
 pub enum EmulatorError {
     /// An address that cannot be listened on.

@@ -20,7 +20,7 @@ const LINE_STEP: f64 = 0.005;
 /// Number of a connection.
 pub(super) type ConnectionId = u64;
 
-/// Where a request came from, for the feedback of its motion.
+/// Origin of a request, for the feedback of its motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Origin {
     pub(super) connection: ConnectionId,
@@ -93,7 +93,8 @@ impl Queue {
         self.0.push_back(task);
     }
 
-    /// Where the arm is when everything in the queue is done; none when nothing in it moves.
+    /// Configuration of the arm when everything in the queue is done; none when nothing in it
+    /// moves.
     pub(super) fn goal(&self) -> Option<JointConfig> {
         self.0.iter().rev().find_map(|task| match &task.kind {
             TaskKind::Move(path) => Some(*path.path().goal()),

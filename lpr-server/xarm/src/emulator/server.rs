@@ -22,9 +22,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-/// How often time passes for the controller, and between two fast reports.
+/// Step of the controller's time, and time between two fast reports.
 const TICK: Duration = Duration::from_millis(4);
-/// How often connections are looked for.
+/// Time between two looks for connections.
 const ACCEPT_INTERVAL: Duration = Duration::from_millis(10);
 /// Between two real-time reports.
 const REALTIME_INTERVAL: Duration = Duration::from_millis(10);
@@ -83,7 +83,7 @@ impl Emulator {
         Ok(Self { ports, shared, threads, sockets: sockets.unwrap_or_default() })
     }
 
-    /// Where it listens.
+    /// Ports on which it listens.
     #[must_use]
     pub const fn ports(&self) -> Ports {
         self.ports

@@ -1,4 +1,4 @@
-//! How an emulator is set up.
+//! Settings of an emulator.
 
 use super::fault::Fault;
 use super::received::Received;
@@ -6,7 +6,7 @@ use std::net::{IpAddr, Ipv4Addr};
 use std::path::PathBuf;
 use std::sync::mpsc::Sender;
 
-/// How an emulator is set up.
+/// Settings of an emulator.
 #[derive(Debug, Clone)]
 pub struct EmulatorSettings {
     /// Address that it listens on.

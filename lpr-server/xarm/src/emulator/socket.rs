@@ -8,10 +8,10 @@ use std::time::Duration;
 
 /// Longest write before a peer that does not read is cut off.
 const WRITE_TIMEOUT: Duration = Duration::from_secs(1);
-/// How often a reader looks whether the emulator ends.
+/// Time after which a reader looks for the end of the emulator.
 const READ_TIMEOUT: Duration = Duration::from_millis(50);
 
-/// Where connections come from.
+/// Source of connections.
 #[derive(Debug)]
 pub(super) enum Listener {
     Tcp(TcpListener),

@@ -1,4 +1,4 @@
-//! Why an execution is given up, and what became of the arm then.
+//! Reasons why an execution is given up, and the state of the arm then.
 
 use crate::client::ClientError;
 use crate::safety::SafetyError;
@@ -6,7 +6,7 @@ use crate::wire::{Mode, State, Status};
 use core::time::Duration;
 use thiserror::Error;
 
-/// Why an execution was given up.
+/// Reason why an execution was given up.
 #[derive(Debug, Error)]
 pub enum Cause {
     /// The connection or a reply.
@@ -71,7 +71,7 @@ pub enum Cause {
 #[derive(Debug, Error)]
 #[error("{cause}; after {points_sent} of {n_points} points {stop}")]
 pub struct ExecutionError {
-    /// Why.
+    /// Reason.
     #[source]
     pub cause: Cause,
     /// Points that were sent before.

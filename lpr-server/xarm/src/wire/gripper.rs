@@ -23,7 +23,7 @@ pub enum RtuBody {
     Read {
         /// First register.
         address: u16,
-        /// How many.
+        /// Number of registers.
         count: u16,
     },
     /// Sets registers from `address` on.

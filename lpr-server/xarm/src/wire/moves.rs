@@ -28,7 +28,7 @@ pub struct Pace {
 /// A motion in joint space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointMove {
-    /// Where to, radians; none keeps the joint (infinity on the wire).
+    /// Target, radians; none keeps the joint (infinity on the wire).
     pub target: [Option<f32>; DOF],
     /// Of the joint that goes farthest.
     pub pace: Pace,
@@ -59,7 +59,7 @@ pub enum LineForm {
 /// A motion of the tool along a straight line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LineMove {
-    /// Where to: x, y, z in metres, roll, pitch, yaw in radians; none keeps the component (infinity
+    /// Target: x, y, z in metres, roll, pitch, yaw in radians; none keeps the component (infinity
     /// on the wire).
     pub target: [Option<f64>; 6],
     /// Of the tool.

@@ -180,7 +180,7 @@ pub enum FeedbackKind {
     End = 2,
 }
 
-/// How a motion ended.
+/// End of a motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
 pub enum FeedbackCode {
@@ -203,7 +203,7 @@ pub struct Feedback {
     pub register: u8,
     /// Begin or end.
     pub kind: FeedbackKind,
-    /// How it ended.
+    /// Its end.
     pub code: FeedbackCode,
     /// Number of the motion.
     pub task: u16,

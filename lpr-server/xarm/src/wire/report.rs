@@ -21,9 +21,9 @@ pub const RICH_BYTES: usize = 587;
 const LENGTH: usize = 4;
 /// Bytes of the firmware's name in a rich report.
 const FIRMWARE_BYTES: usize = 30;
-/// Where the speeds of the moment begin in a rich report.
+/// Offset of the speeds of the moment in a rich report.
 const SPEEDS: usize = 252;
-/// Where what this program does not know begins.
+/// Offset of the part that this program does not know.
 const AFTER_SPEEDS: usize = 284;
 
 /// Readings of the arm, with which every report but the fast one begins.
@@ -64,14 +64,14 @@ pub struct Health {
     pub collision_sensitivity: u8,
     /// Sensitivity of hand guiding, 1 to 5.
     pub teach_sensitivity: u8,
-    /// Where down is.
+    /// Direction of gravity.
     pub gravity: [f32; 3],
 }
 
 /// The report of port [`super::REALTIME_PORT`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RealtimeReport {
-    /// Where the arm is and what it does.
+    /// Pose and state of the arm.
     pub arm: ArmReading,
     /// Force and torque at the sensor without the tool's weight, N and N m.
     pub external_force: [f32; 6],
@@ -82,7 +82,7 @@ pub struct RealtimeReport {
 /// The report of port [`super::NORMAL_PORT`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NormalReport {
-    /// Where the arm is and what it does.
+    /// Pose and state of the arm.
     pub arm: ArmReading,
     /// Drives, errors and settings.
     pub health: Health,
@@ -92,7 +92,7 @@ pub struct NormalReport {
 /// not read.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RichReport {
-    /// Where the arm is and what it does.
+    /// Pose and state of the arm.
     pub arm: ArmReading,
     /// Drives, errors and settings.
     pub health: Health,
@@ -189,7 +189,7 @@ impl ReportReader {
 }
 
 impl Report {
-    /// Where the arm is and what it does; none of a fast report, which counts poses otherwise.
+    /// Pose and state of the arm; none of a fast report, which counts poses otherwise.
     #[must_use]
     pub const fn arm(&self) -> Option<&ArmReading> {
         match self {

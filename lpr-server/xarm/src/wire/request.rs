@@ -23,7 +23,7 @@ pub enum Request {
     SetState(StateCommand),
     /// The state.
     GetState,
-    /// How many motions are queued.
+    /// Asks for the number of queued motions.
     GetCommandCount,
     /// Error and warning.
     GetError,
@@ -39,7 +39,7 @@ pub enum Request {
     MoveJoints(JointMove),
     /// Moves the joints and blends with the next motion within the radius, metres.
     MoveJointsBlended {
-        /// Where to, radians; none keeps the joint.
+        /// Target, radians; none keeps the joint.
         target: [Option<f32>; DOF],
         /// Of the joint that goes farthest; its duration is not sent.
         speed: f64,
@@ -88,7 +88,7 @@ pub enum Request {
     FeedbackCheck,
     /// Which feedback frames motions received from now on send.
     SetFeedback(u8),
-    /// Where the tool is in the flange's frame.
+    /// Pose of the tool in the flange's frame.
     SetTcpOffset(TcpPose),
     /// Any other register.
     Other {

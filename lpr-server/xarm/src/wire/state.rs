@@ -39,7 +39,7 @@ impl State {
     }
 }
 
-/// How the controller takes motions.
+/// The controller's way of taking motions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Mode(pub u8);
 

@@ -1,5 +1,5 @@
-//! What somebody else does with the packed `lpr-core`: its README's program and its example of a
-//! world of one's own, which `tests/package.sh` lays beside this file.
+//! A foreign crate's use of the packed `lpr-core`: its README's program and its example of a world
+//! of one's own, which `tests/package.sh` lays beside this file.
 
 #[expect(dead_code, reason = "an example has a `main`")]
 mod own_environment;
@@ -7,7 +7,7 @@ mod readme;
 
 use wasm_bindgen::prelude::wasm_bindgen;
 
-/// What the README's program found.
+/// Runs the README's program and returns its finding.
 #[wasm_bindgen]
 pub fn plan() -> String {
     readme::plan()

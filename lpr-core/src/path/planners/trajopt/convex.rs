@@ -31,7 +31,7 @@ struct LinearGap {
     gradient: [f32; DOF],
     /// `v` above: how far the gap would be short with all joints at 0, metres.
     level: f32,
-    /// How far every waypoint, the ends included, goes along the gradient for a unit of the
+    /// Motion of every waypoint, the ends included, along the gradient for a unit of the
     /// multiplier.
     response: Vec<f32>,
     /// By how much that widens the gap, metres.
@@ -124,7 +124,7 @@ impl LinearGap {
         gap
     }
 
-    /// How far the gap is short, metres; negative when it is wider than it has to be.
+    /// Shortfall of the gap, metres; negative when it is wider than it has to be.
     fn shortfall(&self, course: &[JointConfig]) -> f32 {
         let config = course[self.edge].lerp(&course[self.edge + 1], self.fraction);
         self.level - config.iter().zip(&self.gradient).map(|(q, g)| q * g).sum::<f32>()

@@ -22,7 +22,7 @@ pub(super) struct Interval {
     pub(super) offset: f64,
     /// Chord length, rad.
     pub(super) width: f64,
-    /// How fast the grip moves on it, when that is limited.
+    /// Bound of the grip's speed on it, when that is limited.
     pub(super) grip: GripBound,
 }
 

@@ -1,4 +1,4 @@
-//! How fast the grip moves along the curve.
+//! Speed of the grip along the curve.
 //!
 //! Its velocity by the chord length, `p' = J(q) q'`, is interpolated on every interval by the
 //! parabola through three of its values. What the parabola misses is at most `h³ / (72 √3)` times a

@@ -1,4 +1,4 @@
-//! How fast the grip moves on one interval.
+//! Speed of the grip on one interval, as a bound.
 
 /// Bernstein coefficients (degree 4) of a bound to the square of the grip's speed by the chord
 /// length, as a share of the limit's square: where it is `g`, a path at the squared speed `x` keeps

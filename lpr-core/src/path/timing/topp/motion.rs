@@ -17,7 +17,7 @@ pub(super) struct PathMotion {
 pub(super) struct Stretch {
     /// When it starts, seconds.
     pub(super) since: f64,
-    /// How long it lasts, seconds.
+    /// Duration, seconds.
     pub(super) duration: f64,
     /// Chord length at its start, rad.
     at: f64,

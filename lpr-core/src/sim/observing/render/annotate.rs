@@ -5,12 +5,13 @@ use super::picture::Picture;
 use crate::perception::Camera;
 use glamx::{Vec2, Vec3};
 
-/// How much deeper than what a pixel shows a line may be and still lie on it, metres.
+/// Greatest depth by which a line may lie behind what a pixel shows and still count as on it,
+/// metres.
 const DEPTH_TOLERANCE: f32 = 0.004;
 /// Columns from one character to the next, in the font's dots.
 const ADVANCE: usize = GLYPH_WIDTH + 1;
 
-/// How a line is drawn.
+/// Style of a line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stroke {
     /// Colour, sRGB.

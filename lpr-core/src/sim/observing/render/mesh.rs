@@ -6,7 +6,7 @@ use core::f32::consts::{FRAC_PI_2, PI, TAU};
 use glamx::Vec3;
 use parry3d::transformation::try_convex_hull;
 
-/// How finely round shapes are tessellated.
+/// Fineness of the tessellation of round shapes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Detail {
     /// For images of 128 × 128 pixels: 16 sides; at most 2 % of the radius inside a cylinder, 6 %

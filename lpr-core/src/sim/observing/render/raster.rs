@@ -67,7 +67,7 @@ struct PixelBox {
     rows: [usize; 2],
 }
 
-/// Where a mesh stands relative to the camera.
+/// Pose of a mesh relative to the camera.
 struct Placement {
     rotation: Mat3,
     translation: Vec3,
@@ -278,7 +278,7 @@ fn chosen(mask: [u32; LANES], yes: [u32; LANES], no: [u32; LANES]) -> [u32; LANE
     core::array::from_fn(|lane| (yes[lane] & mask[lane]) | (no[lane] & !mask[lane]))
 }
 
-/// Where the mesh stands, or `None` when its bounding ball is outside the camera's view.
+/// The placement of the mesh, or `None` when its bounding ball is outside the camera's view.
 fn place(camera: &Camera, mesh: &Mesh, world_from_mesh: &Pose3) -> Option<Placement> {
     let camera_from_mesh = camera.world_from_camera.inv_mul(world_from_mesh);
     let center = camera_from_mesh.translation;

@@ -14,7 +14,7 @@ const LID: [f32; 3] = [0.35, 0.268, 0.01];
 const LID_MASS: f32 = 0.94;
 /// Gap between lid and tray, metres.
 const GAP: f32 = 0.001;
-/// How far behind the lid's edge the grip holds it, metres.
+/// Distance of the grip behind the edge of the lid that it holds, metres.
 const HOLD: f32 = 0.014;
 /// Greatest opening, radians.
 pub(in crate::sim::tasks) const MOST: f32 = 150_f32.to_radians();

@@ -7,7 +7,7 @@ use crate::sim::tasks::builder::{SceneBuilder, cuboid, cylinder_x};
 use core::f32::consts::FRAC_PI_8;
 use glamx::{Vec2, Vec3};
 
-/// Where a chest may stand.
+/// Places where a chest may stand.
 pub(in crate::sim::tasks) const PLACEMENT: Placement = Placement {
     center: Vec2::new(0.0, -0.32),
     half_range: Vec2::new(0.06, 0.12),

@@ -6,7 +6,7 @@ use crate::sim::tasks::builder::{SceneBuilder, arc_about, cuboid, cylinder_y, tu
 use core::f32::consts::FRAC_PI_2;
 use glamx::{Pose3, Vec2, Vec3};
 
-/// Where a grill may stand: its frame is in front of the lid's handle.
+/// Places where a grill may stand: its frame is in front of the lid's handle.
 pub(in crate::sim::tasks) const PLACEMENT: Placement = Placement {
     center: Vec2::new(-0.08, -0.05),
     half_range: Vec2::new(0.04, 0.08),

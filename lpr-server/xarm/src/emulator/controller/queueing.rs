@@ -16,7 +16,7 @@ const ERROR_KINEMATICS: u8 = 21;
 const WARNING_QUEUE_FULL: u8 = 11;
 
 impl Controller {
-    /// Where the arm will be when the queue is done.
+    /// Configuration of the arm when the queue is done.
     fn planned(&self) -> JointConfig {
         self.queue.goal().unwrap_or(self.setpoint)
     }
@@ -124,7 +124,7 @@ impl Controller {
     }
 }
 
-/// Why a motion is not queued.
+/// Reason why a motion is not queued.
 enum PlanError {
     /// Numbers that are none, or a form of motion that is not emulated.
     Malformed,

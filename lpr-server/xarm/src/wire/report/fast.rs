@@ -21,13 +21,13 @@ pub struct FastReport {
     pub mode: Mode,
     /// Motions in the queue.
     pub queued: u16,
-    /// Where the joints should be, radians.
+    /// Angles that the joints should have, radians.
     pub target: JointConfig,
-    /// Where they are, radians.
+    /// Angles that they have, radians.
     pub joints: JointConfig,
     /// Their speeds, rad/s.
     pub joint_speeds: [f32; DOF],
-    /// Where the tool is, metres.
+    /// Position of the tool, metres.
     pub position: [f64; 3],
     /// Rotation of the tool: axis times angle, radians.
     pub axis_angle: [f32; 3],
