@@ -315,7 +315,7 @@ mod tests {
     use super::*;
     use crate::nn::GradientClip;
     use crate::rng::{Stream, stream};
-    use crate::robot::{Gripper, JointConfig, PANDA};
+    use crate::robot::{Gripper, PANDA};
 
     use glamx::{Pose3, Quat, Vec3};
     use rand::RngExt as _;
@@ -350,10 +350,10 @@ mod tests {
     /// A path of eight configurations from the start to a fixed goal, bent by `bend` radians at
     /// every joint.
     fn bent_path(bend: f32) -> RankedPath {
-        let goal = JointConfig(PANDA.start.map(|q| q + 0.5));
+        let goal = PANDA.start.map(|q| q + 0.5);
         let configs = (0..8).map(|idx| {
             let s = idx as f32 / 7.0;
-            JointConfig(PANDA.start.lerp(&goal, s).map(|q| q + 4.0 * s * (1.0 - s) * bend))
+            PANDA.start.lerp(&goal, s).map(|q| q + 4.0 * s * (1.0 - s) * bend)
         });
         RankedPath {
             path: JointPath::new(configs.collect()).expect("eight configurations"),

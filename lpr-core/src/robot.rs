@@ -11,6 +11,7 @@ mod geometry;
 #[cfg(test)]
 mod golden;
 mod ik;
+mod joint_config;
 mod kinematics;
 mod mesh;
 #[cfg(test)]
@@ -24,89 +25,20 @@ mod xml;
 
 use crate::error::{Error, Result};
 
-use core::ops::{Deref, DerefMut};
 use glamx::{DPose3, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
-pub use chain::{Chain, ChainJoint, ChainLink, Motion, N_BODIES};
+pub use chain::{Chain, ChainJoint, ChainLink, Motion};
 pub use fit::MAX_SPHERES;
 pub use geometry::{Finger, GripperBox, MAX_OVERSHOOT};
 pub use ik::{IkBranches, MAX_STEP_CHANGE};
+pub use joint_config::{JointConfig, JointRanges, MAX_JOINTS};
 pub use mesh::MeshReader;
 pub use panda::PANDA;
 pub use xarm7::XARM7;
 
 /// Number of joints of both arms.
 pub const DOF: usize = 7;
-
-/// One configuration of the arm, in radians.
-///
-/// ```
-/// use lpr_core::robot::{JointConfig, XARM7};
-///
-/// let mut config = XARM7.start;
-/// config[0] += 0.3;
-/// assert_eq!(config.len(), 7);
-/// assert!((config.distance(&XARM7.start) - 0.3).abs() < 1e-6);
-/// ```
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct JointConfig(pub [f32; DOF]);
-
-impl Deref for JointConfig {
-    type Target = [f32; DOF];
-    fn deref(&self) -> &Self::Target {
-        &self.0
-    }
-}
-
-impl DerefMut for JointConfig {
-    fn deref_mut(&mut self) -> &mut Self::Target {
-        &mut self.0
-    }
-}
-
-impl JointConfig {
-    /// Euclidean distance in joint space, radians.
-    #[must_use]
-    pub fn distance(&self, other: &Self) -> f32 {
-        let squares: f32 = self.iter().zip(other.iter()).map(|(a, b)| (a - b) * (a - b)).sum();
-        libm::sqrtf(squares)
-    }
-
-    /// Largest difference of one joint, radians.
-    ///
-    /// ```
-    /// use lpr_core::robot::JointConfig;
-    ///
-    /// let (rest, bent) = (JointConfig([0.0; 7]), JointConfig([0.3, -0.4, 0.0, 0.0, 0.0, 0.0, 0.0]));
-    /// assert_eq!(rest.max_joint_distance(&bent), 0.4);
-    /// assert_eq!(rest.distance(&bent), 0.5);
-    /// ```
-    #[must_use]
-    pub fn max_joint_distance(&self, other: &Self) -> f32 {
-        self.iter().zip(other.iter()).fold(0.0, |most, (a, b)| (a - b).abs().max(most))
-    }
-
-    /// The point at `fraction` of the straight joint-space line from `self` to `other`.
-    ///
-    /// ```
-    /// use lpr_core::robot::{JointConfig, XARM7};
-    ///
-    /// let goal = JointConfig(XARM7.start.map(|q| q + 0.5));
-    /// let quarter = XARM7.start.lerp(&goal, 0.25);
-    /// assert!(quarter.iter().zip(XARM7.start.iter()).all(|(q, start)| (q - start - 0.125).abs() < 1e-6));
-    /// ```
-    #[must_use]
-    pub fn lerp(&self, other: &Self, fraction: f32) -> Self {
-        Self(core::array::from_fn(|j| self[j] + (other[j] - self[j]) * fraction))
-    }
-
-    /// Whether every joint is a finite number.
-    #[must_use]
-    pub fn is_finite(&self) -> bool {
-        self.iter().all(|q| q.is_finite())
-    }
-}
 
 /// One revolute joint: its modified-DH row and limits.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -285,8 +285,8 @@ mod tests {
             let result = toy.step(&still, Gripper::Open);
             assert_eq!((result.truncated, result.terminated), (step == EPISODE_LENGTH, false));
         }
-        let elsewhere = JointPath::new(vec![JointConfig(toy.joints.map(|q| q + 0.1)); 2])
-            .expect("two configurations");
+        let elsewhere =
+            JointPath::new(vec![toy.joints.map(|q| q + 0.1); 2]).expect("two configurations");
         assert_eq!(toy.step(&elsewhere, Gripper::Open).invalid, Some(InvalidAction::StartMismatch));
     }
 }

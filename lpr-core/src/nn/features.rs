@@ -60,7 +60,7 @@ mod tests {
     fn joint_limits_become_one() {
         let scale = JointScale::new(&PANDA);
         let at = |fraction: f32| {
-            scale.apply(&JointConfig(
+            scale.apply(&JointConfig::new(
                 PANDA.joints.map(|joint| joint.lower + fraction * (joint.upper - joint.lower)),
             ))
         };

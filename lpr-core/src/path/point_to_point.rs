@@ -24,10 +24,10 @@ const MAX_DURATION: f64 = 7.6e3;
 /// use lpr_core::path::{JointState, MotionLimits, NoMotion, point_to_point};
 /// use lpr_core::robot::JointConfig;
 ///
-/// let rest = JointState::at_rest(&JointConfig([0.0; 7]));
+/// let rest = JointState::at_rest(&JointConfig::new([0.0; 7]));
 /// let motion = |goal: f32, velocity: f64| {
 ///     let limits = MotionLimits { velocity: [velocity; 7], acceleration: [1.0; 7], jerk: None };
-///     point_to_point(&rest, &JointConfig([goal; 7]), &limits)
+///     point_to_point(&rest, &JointConfig::new([goal; 7]), &limits)
 /// };
 /// assert!(matches!(motion(1.0, -1.0), Err(NoMotion::Input(_))));
 /// assert_eq!(motion(1.0, 1e-4).unwrap_err(), NoMotion::TooLong, "10000 s");
@@ -77,7 +77,7 @@ type Profiles<const N: usize> = rsruckig::prelude::Trajectory<N>;
 /// use lpr_core::path::{JointState, MotionLimits, NoMotion, point_to_point};
 /// use lpr_core::robot::JointConfig;
 ///
-/// let (start, goal) = (JointConfig([0.0; 7]), JointConfig([1.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0]));
+/// let (start, goal) = (JointConfig::new([0.0; 7]), JointConfig::new([1.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0]));
 /// let limits = MotionLimits { velocity: [1.0; 7], acceleration: [4.0; 7], jerk: None };
 /// let motion = point_to_point(&JointState::at_rest(&start), &goal, &limits)?;
 /// // A quarter of a second to speed up, as long to slow down, and 0.75 rad between at 1 rad/s.
@@ -98,7 +98,7 @@ pub fn point_to_point(
 ) -> Result<Trajectory, NoMotion> {
     limits.check()?;
     check_finite(start, goal)?;
-    let angles = goal.0.map(f64::from);
+    let angles = goal.to_array::<DOF>().map(f64::from);
     let (duration, motion) = if *start == JointState::standing(start.angles) {
         line(start.angles, angles, limits)?
     } else {
@@ -221,7 +221,7 @@ fn check_finite(start: &JointState, goal: &JointConfig) -> Result<(), Error> {
         return Err(Error::Shape {
             what: "goal",
             expected: expected(),
-            found: format!("{:?}", goal.0),
+            found: format!("{:?}", &goal[..]),
         });
     }
     Ok(())
@@ -241,7 +241,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn config(size: f32) -> impl Strategy<Value = JointConfig> {
-        prop::array::uniform7(-size..size).prop_map(JointConfig)
+        prop::array::uniform7(-size..size).prop_map(JointConfig::new)
     }
 
     fn limits() -> impl Strategy<Value = MotionLimits> {
@@ -323,7 +323,7 @@ mod tests {
             let [velocity, acceleration, jerk] = exponents.map(|exponent| [libm::pow(10.0, f64::from(exponent)); DOF]);
             let limits = MotionLimits { velocity, acceleration, jerk: Some(jerk) };
             let start = JointState { velocities, ..JointState::standing(start) };
-            for goal in [JointConfig(goal), JointConfig([0.5; DOF])] {
+            for goal in [JointConfig::new(goal), JointConfig::new([0.5; DOF])] {
                 for start in [start, JointState { velocities, ..JointState::standing([0.0; DOF]) }] {
                     if let Ok(trajectory) = point_to_point(&start, &goal, &limits) {
                         prop_assert!(trajectory.at(0.5 * trajectory.duration_secs()).is_finite());
@@ -338,7 +338,7 @@ mod tests {
 
     #[test]
     fn a_long_way_takes_the_time_of_seven_phases() {
-        let at = |x| JointConfig([x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let at = |x| JointConfig::new([x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         let duration = |limits| {
             point_to_point(&JointState::at_rest(&at(0.0)), &at(4.0), limits)
                 .unwrap()
@@ -351,7 +351,7 @@ mod tests {
 
     #[test]
     fn staying_takes_no_time() {
-        let rest = JointConfig([0.3; DOF]);
+        let rest = JointConfig::new([0.3; DOF]);
         let trajectory = point_to_point(&JointState::at_rest(&rest), &rest, &LIMITS).unwrap();
         assert_eq!(trajectory.duration_secs(), 0.0);
         assert_eq!(trajectory.at(1.0), JointState::at_rest(&rest));
@@ -359,8 +359,8 @@ mod tests {
 
     #[test]
     fn broken_input_is_told_from_motions_that_are_too_long() {
-        let rest = JointState::at_rest(&JointConfig([0.3; DOF]));
-        let goal = JointConfig([0.1; DOF]);
+        let rest = JointState::at_rest(&JointConfig::new([0.3; DOF]));
+        let goal = JointConfig::new([0.1; DOF]);
         let is_input =
             |found: Result<Trajectory, NoMotion>| matches!(found, Err(NoMotion::Input(_)));
         for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
@@ -370,14 +370,14 @@ mod tests {
                 &MotionLimits { velocity: [bad; DOF], ..LIMITS }
             )));
         }
-        assert!(is_input(point_to_point(&rest, &JointConfig([f32::NAN; DOF]), &LIMITS)));
+        assert!(is_input(point_to_point(&rest, &JointConfig::new([f32::NAN; DOF]), &LIMITS)));
         assert!(is_input(point_to_point(
             &JointState { velocities: [f64::INFINITY; DOF], ..rest },
             &goal,
             &LIMITS
         )));
         assert_eq!(
-            point_to_point(&rest, &JointConfig([1e6; DOF]), &LIMITS).unwrap_err(),
+            point_to_point(&rest, &JointConfig::new([1e6; DOF]), &LIMITS).unwrap_err(),
             NoMotion::TooLong
         );
     }

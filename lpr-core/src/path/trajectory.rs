@@ -31,7 +31,7 @@ impl JointState {
     /// Standing still at `config`.
     #[must_use]
     pub fn at_rest(config: &JointConfig) -> Self {
-        Self::standing(config.0.map(f64::from))
+        Self::standing(config.to_array::<DOF>().map(f64::from))
     }
 
     pub(super) const fn standing(angles: [f64; DOF]) -> Self {
@@ -41,7 +41,7 @@ impl JointState {
     /// The angles, rounded to f32.
     #[must_use]
     pub fn config(&self) -> JointConfig {
-        JointConfig(self.angles.map(|angle| angle as f32))
+        JointConfig::new(self.angles.map(|angle| angle as f32))
     }
 
     /// Whether all its numbers are finite.
@@ -62,13 +62,13 @@ impl JointState {
 /// use lpr_core::path::{JointState, MotionLimits, point_to_point};
 /// use lpr_core::robot::JointConfig;
 ///
-/// let start = JointState::at_rest(&JointConfig([0.0; 7]));
+/// let start = JointState::at_rest(&JointConfig::new([0.0; 7]));
 /// let limits = MotionLimits { velocity: [1.0; 7], acceleration: [4.0; 7], jerk: Some([40.0; 7]) };
-/// let motion = point_to_point(&start, &JointConfig([0.3; 7]), &limits)?;
+/// let motion = point_to_point(&start, &JointConfig::new([0.3; 7]), &limits)?;
 /// let sent: Vec<_> = motion.samples(0.01)?.collect();
 /// assert_eq!(sent[0], (0.0, start));
 /// assert_eq!(sent[sent.len() - 1].0, motion.duration_secs());
-/// assert_eq!(motion.at(99.0), JointState::at_rest(&JointConfig([0.3; 7])), "at the end it stays");
+/// assert_eq!(motion.at(99.0), JointState::at_rest(&JointConfig::new([0.3; 7])), "at the end it stays");
 /// # Ok::<(), lpr_core::path::NoMotion>(())
 /// ```
 #[derive(Debug, Clone)]

@@ -6,17 +6,11 @@
 //! that turns and `M = Tz` for one that slides. A joint with another axis has the turn of its axis
 //! in the fixed transforms.
 
-use super::{DOF, JointConfig, Robot, Sphere};
+use super::{DOF, JointConfig, JointRanges, MAX_JOINTS, Robot, Sphere};
 use glamx::{DPose3, DQuat, DVec3, Pose3};
 
-/// Number of bodies of the longest chain: the base and one for each joint.
-pub const N_BODIES: usize = DOF + 1;
-
-/// A serial arm of at most [`DOF`] joints between its base and its tip, and the links that they
+/// A serial arm of at most [`MAX_JOINTS`] joints between its base and its tip, and the links that they
 /// carry.
-///
-/// An arm with fewer joints takes the first entries of a [`JointConfig`]; the others are ignored,
-/// and their limits are 0 and 0.
 ///
 /// A crane with one joint that lifts and one that turns:
 ///
@@ -40,8 +34,8 @@ pub const N_BODIES: usize = DOF + 1;
 ///     links: Vec::new(),
 ///     allowed_self_collisions: Vec::new(),
 /// };
-/// // 0.4 m up and a quarter turn; the entries after the second are ignored.
-/// let tip = crane.tip(&JointConfig([0.4, FRAC_PI_2, 9.0, 9.0, 9.0, 9.0, 9.0]));
+/// // 0.4 m up and a quarter turn.
+/// let tip = crane.tip(&JointConfig::new([0.4, FRAC_PI_2]));
 /// assert!(tip.translation.distance(Vec3::new(0.0, 0.5, 0.7)) < 1e-6);
 /// ```
 #[derive(Debug, Clone, PartialEq)]
@@ -147,31 +141,38 @@ impl Chain {
         }
     }
 
-    /// Number of joints, at most [`DOF`].
+    /// Number of joints, at most [`MAX_JOINTS`].
     #[must_use]
     pub const fn dof(&self) -> usize {
         self.joints.len()
     }
 
-    /// Lower and upper limit of every entry of a configuration, radians or metres.
+    /// Lower and upper limit of every joint, radians or metres.
     #[must_use]
-    pub fn limits(&self) -> [(f32, f32); DOF] {
-        core::array::from_fn(|j| {
-            self.joints.get(j).map_or((0.0, 0.0), |joint| (joint.lower, joint.upper))
+    pub fn limits(&self) -> JointRanges {
+        self.joints.iter().map(|joint| (joint.lower, joint.upper)).collect()
+    }
+
+    /// The configuration with every joint in the middle of its range.
+    #[must_use]
+    pub fn middle(&self) -> JointConfig {
+        JointConfig::from_fn(self.dof(), |j| {
+            0.5 * self.joints[j].lower + 0.5 * self.joints[j].upper
         })
     }
 
-    /// Whether every joint is within its limits; entries without a joint are ignored.
+    /// Whether the configuration has the arm's joints, each within its limits.
     #[must_use]
     pub fn within_limits(&self, config: &JointConfig) -> bool {
-        self.joints
-            .iter()
-            .zip(config.iter())
-            .all(|(joint, &q)| joint.lower <= q && q <= joint.upper)
+        config.dof() == self.dof()
+            && self
+                .joints
+                .iter()
+                .zip(config.iter())
+                .all(|(joint, &q)| joint.lower <= q && q <= joint.upper)
     }
 
-    /// `world_from_body` of the base and what every joint carries, in f64; entries without a joint
-    /// repeat the last body.
+    /// `world_from_body` of the base and what every joint carries, in f64.
     ///
     /// ```
     /// use lpr_core::glamx::DPose3;
@@ -183,16 +184,18 @@ impl Chain {
     /// assert_eq!(world_from_body[7] * arm.body_from_tip, arm.tip_f64(&PANDA.start));
     /// ```
     #[must_use]
-    pub fn body_frames(&self, config: &JointConfig) -> [DPose3; N_BODIES] {
-        self.frames_at(&config.0.map(f64::from))
+    pub fn body_frames(&self, config: &JointConfig) -> Vec<DPose3> {
+        let frames = self.frames_at(&config.to_array::<MAX_JOINTS>().map(f64::from));
+        core::iter::once(DPose3::IDENTITY).chain(frames).take(self.dof() + 1).collect()
     }
 
-    /// `world_from_body` at f64 positions.
-    pub(super) fn frames_at(&self, positions: &[f64; DOF]) -> [DPose3; N_BODIES] {
+    /// `world_from_body` of what every joint carries, at f64 positions; entries without a joint
+    /// repeat the last body.
+    pub(super) fn frames_at<const N: usize>(&self, positions: &[f64; N]) -> [DPose3; N] {
         let mut world_from_body = DPose3::IDENTITY;
-        core::array::from_fn(|body| {
-            if let Some(joint) = body.checked_sub(1).and_then(|j| self.joints.get(j)) {
-                world_from_body *= joint.transform(positions[body - 1]);
+        core::array::from_fn(|j| {
+            if let Some(joint) = self.joints.get(j) {
+                world_from_body *= joint.transform(positions[j]);
             }
             world_from_body
         })
@@ -201,7 +204,8 @@ impl Chain {
     /// `world_from_tip` in f64.
     #[must_use]
     pub fn tip_f64(&self, config: &JointConfig) -> DPose3 {
-        self.body_frames(config)[DOF] * self.body_from_tip
+        self.frames_at(&config.to_array::<MAX_JOINTS>().map(f64::from))[MAX_JOINTS - 1]
+            * self.body_from_tip
     }
 
     /// `world_from_tip`.
@@ -287,7 +291,7 @@ mod tests {
     proptest! {
         #[test]
         fn a_built_in_arm_and_its_chain_are_where_the_other_is(angles in prop::array::uniform7(-3.0_f32..3.0)) {
-            let config = JointConfig(angles);
+            let config = JointConfig::new(angles);
             for robot in ROBOTS {
                 let chain = Chain::from_robot(robot);
                 let (bodies, frames) = (chain.body_frames(&config), robot.link_frames(&config));
@@ -316,22 +320,18 @@ mod tests {
 
     #[test]
     fn joints_that_slide_and_joints_that_turn_move_the_tip_in_their_own_way() {
-        let mut config = JointConfig([0.0; DOF]);
-        (config[0], config[1]) = (0.4, core::f32::consts::FRAC_PI_2);
+        let config = JointConfig::new([0.4, core::f32::consts::FRAC_PI_2]);
         let at = crane().tip_f64(&config).translation;
         assert!(at.distance(DVec3::new(0.0, 0.5, 0.7)) < 1e-7, "{at}");
     }
 
     #[test]
-    fn entries_without_a_joint_change_nothing_and_have_no_range() {
+    fn configurations_of_other_joints_are_outside_the_limits() {
         let crane = crane();
-        let config = JointConfig([0.1, 0.2, 9.0, 9.0, 9.0, 9.0, 9.0]);
-        let rest = JointConfig([0.1, 0.2, 0.0, 0.0, 0.0, 0.0, 0.0]);
-        assert_eq!(crane.tip(&config), crane.tip(&rest));
-        assert!(crane.within_limits(&config));
-        assert_eq!(
-            (crane.dof(), crane.limits()[1], crane.limits()[2]),
-            (2, (-0.5, 1.5), (0.0, 0.0))
-        );
+        assert!(crane.within_limits(&JointConfig::new([0.1, 0.2])));
+        assert!(!crane.within_limits(&JointConfig::new([0.1, 0.2, 0.0])));
+        assert!(!crane.within_limits(&JointConfig::new([0.1])));
+        assert_eq!(crane.limits()[..], [(-0.5, 1.5); 2]);
+        assert_eq!(crane.middle(), JointConfig::new([0.5, 0.5]));
     }
 }

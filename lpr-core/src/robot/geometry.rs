@@ -153,7 +153,7 @@ impl Robot {
     /// use lpr_core::robot::{JointConfig, PANDA};
     ///
     /// assert!(!PANDA.self_collides(&PANDA.start));
-    /// let folded = JointConfig([0.0, -1.7, 0.0, -3.0, 0.0, 0.0, 0.0]);
+    /// let folded = JointConfig::new([0.0, -1.7, 0.0, -3.0, 0.0, 0.0, 0.0]);
     /// assert!(PANDA.within_limits(&folded) && PANDA.self_collides(&folded));
     /// ```
     #[must_use]
@@ -185,7 +185,7 @@ mod tests {
     use rand::RngExt as _;
 
     fn random_config(robot: &Robot, rng: &mut Rng) -> JointConfig {
-        JointConfig(robot.joints.map(|joint| rng.random_range(joint.lower..joint.upper)))
+        JointConfig::new(robot.joints.map(|joint| rng.random_range(joint.lower..joint.upper)))
     }
 
     fn axis_distance(capsule: &Capsule, point: Vec3) -> f32 {
@@ -282,8 +282,8 @@ mod tests {
             assert!(!robot.self_collides(&robot.start), "{}", robot.name);
         }
         // The hand is driven back into the column.
-        assert!(XARM7.self_collides(&JointConfig([0.0, 0.0, 0.0, 0.0, 0.0, 1.6, 0.0])));
-        assert!(PANDA.self_collides(&JointConfig([0.0, 0.5, 0.0, -3.0, 0.0, 0.3, 0.0])));
+        assert!(XARM7.self_collides(&JointConfig::new([0.0, 0.0, 0.0, 0.0, 0.0, 1.6, 0.0])));
+        assert!(PANDA.self_collides(&JointConfig::new([0.0, 0.5, 0.0, -3.0, 0.0, 0.3, 0.0])));
     }
 
     #[test]

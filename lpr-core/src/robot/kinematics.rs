@@ -63,7 +63,7 @@ impl Robot {
     /// ```
     #[must_use]
     pub fn joint_frames(&self, config: &JointConfig) -> [DPose3; DOF] {
-        self.frames_at(&config.0.map(f64::from))
+        self.frames_at(&config.to_array::<DOF>().map(f64::from))
     }
 
     /// `world_from_joint` at f64 angles.
@@ -228,13 +228,13 @@ mod tests {
         let mut rng = stream(1, Stream::Ik, 0);
         for robot in ROBOTS {
             for _ in 0..50 {
-                let config = JointConfig(
+                let config = JointConfig::new(
                     robot.joints.map(|joint| rng.random_range(joint.lower..joint.upper)),
                 );
                 let jacobian = robot.jacobian(&config);
                 for j in 0..DOF {
                     let moved = |by: f64| {
-                        let mut angles = config.0.map(f64::from);
+                        let mut angles = config.to_array::<DOF>().map(f64::from);
                         angles[j] += by;
                         robot.frames_at(&angles)[DOF - 1]
                             * robot.link7_from_flange

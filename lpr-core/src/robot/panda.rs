@@ -106,7 +106,7 @@ pub static PANDA: Robot = Robot {
         finger_offset_z: -0.0175,
     },
     // RLBench's start: (0, 10, 0, -50, 0, 70, 45) degrees.
-    start: JointConfig([
+    start: JointConfig::new([
         0.0,
         0.174_533,
         0.0,

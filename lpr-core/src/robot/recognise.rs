@@ -58,9 +58,9 @@ impl Chain {
 /// same kinematics only.
 fn probes() -> [JointConfig; 2 * DOF] {
     core::array::from_fn(|i| {
-        JointConfig(core::array::from_fn(|j| {
+        JointConfig::from_fn(DOF, |j| {
             0.3 + 0.1 * j as f32 + if i % DOF == j { 0.7 + (i / DOF) as f32 } else { 0.0 }
-        }))
+        })
     })
 }
 
@@ -85,7 +85,7 @@ mod tests {
             chain.body_from_tip.translation.z += 0.1;
             let recognised = chain.as_built_in().unwrap();
             assert_eq!((recognised.name, recognised.joints[1].lower), (robot.name, -1.0));
-            let config = JointConfig([
+            let config = JointConfig::new([
                 0.1,
                 -0.2,
                 0.3,

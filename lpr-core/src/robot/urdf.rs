@@ -18,7 +18,7 @@ mod tree;
 use super::chain::{Chain, ChainJoint, ChainLink, moved};
 use super::mesh::MeshReader;
 use super::srdf::Semantics;
-use super::{DOF, Error, Result, fit, xml};
+use super::{Error, MAX_JOINTS, Result, fit, xml};
 use description::{Collision, Description, Drive, Joint, Mobility};
 use glamx::{DPose3, DQuat, DVec3};
 use std::collections::BTreeSet;
@@ -56,7 +56,7 @@ impl Chain {
     /// </robot>"#;
     /// let arm = Chain::from_urdf(urdf, None, None, &|_| None)?;
     /// assert_eq!((arm.dof(), arm.joints[0].name.as_str(), arm.links[1].spheres.len()), (1, "yaw", 1));
-    /// assert!(!arm.within_limits(&JointConfig([1.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])));
+    /// assert!(!arm.within_limits(&JointConfig::new([1.5, 0.0])));
     ///
     /// let broken = urdf.replace(r#"child link="arm""#, r#"child link="leg""#);
     /// let error = Chain::from_urdf(&broken, None, None, &|_| None).unwrap_err();
@@ -69,7 +69,7 @@ impl Chain {
     /// [`Error::Robot`] with the element, its line and the link or joint it belongs to: XML that is
     /// malformed or has macros in it, no or several roots, a loop, a link or mesh that is missing,
     /// an unknown type or geometry, numbers that are not finite, too many or too few, limits that
-    /// are missing or contradict each other, no or more than [`DOF`] joints, one that floats or
+    /// are missing or contradict each other, no or more than [`MAX_JOINTS`] joints, one that floats or
     /// mimics another between base and tip, and a tip that is not clear.
     pub fn from_urdf(
         urdf: &str,
@@ -129,9 +129,9 @@ fn drives(description: &Description, path: &[usize], tip: usize) -> Result<Vec<(
     let tip = quoted(&description.links[tip].name);
     match drives.len() {
         0 => Err(Error::Robot(format!("no joint moves between the base and the tip {tip}"))),
-        1..=DOF => Ok(drives),
+        1..=MAX_JOINTS => Ok(drives),
         n => Err(Error::Robot(format!(
-            "{n} joints move between the base and the tip {tip}, at most {DOF} may: name another tip"
+            "{n} joints move between the base and the tip {tip}, at most {MAX_JOINTS} may: name another tip"
         ))),
     }
 }

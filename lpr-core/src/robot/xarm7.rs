@@ -107,7 +107,7 @@ pub static XARM7: Robot = Robot {
         finger_half_extents: Vec3::new(0.0125, 0.006, 0.038),
         finger_offset_z: -0.0285,
     },
-    start: JointConfig([0.0, -0.6, 0.0, 0.9, 0.0, 1.5, 0.0]),
+    start: JointConfig::new([0.0, -0.6, 0.0, 0.9, 0.0, 1.5, 0.0]),
     workspace_center: Vec2::new(0.38, 0.0),
     capsules: [BASE, LINK1, LINK2, LINK3, LINK4, LINK5, LINK6, LINK7, HAND],
     spheres: [

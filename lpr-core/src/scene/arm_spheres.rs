@@ -2,7 +2,9 @@
 
 use super::primitive::length;
 use crate::error::{Error, Result};
-use crate::robot::{Chain, ChainJoint, ChainLink, DOF, JointConfig, Motion, Robot, Sphere};
+use crate::robot::{
+    Chain, ChainJoint, ChainLink, JointConfig, JointRanges, MAX_JOINTS, Motion, Robot, Sphere,
+};
 use fearless_simd::Level;
 use glamx::{DVec3, Mat3, Pose3, Vec3};
 
@@ -37,7 +39,7 @@ pub struct ArmSpheres {
     pub(super) joints: Vec<JointFrame>,
     /// The tip in the frame of what the last joint carries.
     body_from_tip: Pose3,
-    limits: [(f32, f32); DOF],
+    limits: JointRanges,
     /// From the tip inwards: what sticks out furthest hits first.
     pub(super) links: Vec<LinkSpheres>,
     /// Pairs of indices into the links that are tested against each other.
@@ -126,7 +128,7 @@ impl ArmSpheres {
     ///
     /// # Errors
     ///
-    /// When more than [`MAX_LINKS`] links have spheres, there are more than [`DOF`] joints, a frame
+    /// When more than [`MAX_LINKS`] links have spheres, there are more than [`MAX_JOINTS`] joints, a frame
     /// or sphere is not finite, or a link is carried by a joint that there is not.
     pub fn from_chain(chain: &Chain) -> Result<Self> {
         check_chain(chain)?;
@@ -209,23 +211,29 @@ impl ArmSpheres {
             .fold(0, |bits, (idx, _)| bits | (1 << idx))
     }
 
-    /// Lower and upper limit of every joint, radians.
+    /// Lower and upper limit of every joint, radians or metres.
     #[must_use]
-    pub const fn limits(&self) -> &[(f32, f32); DOF] {
+    pub fn limits(&self) -> &[(f32, f32)] {
         &self.limits
     }
 
-    /// Whether every joint that there is is within its limits.
+    /// Whether the configuration has the arm's joints, each within its limits.
     pub(crate) fn is_within_limits(&self, config: &JointConfig) -> bool {
-        let limits = self.limits.iter().take(self.joints.len());
-        limits.zip(config.iter()).all(|((lower, upper), q)| lower <= q && q <= upper)
+        self.has_joints_of(config)
+            && (self.limits.iter().zip(config.iter()))
+                .all(|((lower, upper), q)| lower <= q && q <= upper)
+    }
+
+    /// Whether the configuration has as many joints as the arm.
+    pub(super) fn has_joints_of(&self, config: &JointConfig) -> bool {
+        config.dof() == self.joints.len()
     }
 
     /// Frames of the base and of what every joint carries, in f32: quicker than
     /// [`Robot::link_frames`] and within a few micrometres of it.
     pub(super) fn frames(&self, config: &JointConfig) -> Vec<Frame> {
         let mut frames = vec![Frame::IDENTITY];
-        for (joint, q) in self.joints.iter().zip(config.iter()) {
+        for (joint, q) in self.joints.iter().zip(&config.to_array::<MAX_JOINTS>()) {
             frames.push(frames[frames.len() - 1].after(joint, *q));
         }
         frames
@@ -278,8 +286,8 @@ fn is_broken(sphere: &Sphere) -> bool {
 /// The parts of a chain are public: whoever wrote them, numbers that decide collisions are numbers.
 fn check_chain(chain: &Chain) -> Result<()> {
     let fault = |what: String| Err(Error::Robot(what));
-    if chain.dof() > DOF {
-        return fault(format!("{} joints, at most {DOF} may be", chain.dof()));
+    if chain.dof() > MAX_JOINTS {
+        return fault(format!("{} joints, at most {MAX_JOINTS} may be", chain.dof()));
     }
     if let Some(joint) = chain.joints.iter().find(|joint| !joint.parent_from_joint.is_finite()) {
         return fault(format!("joint {}: its frame is not finite", joint.name));
@@ -417,7 +425,7 @@ mod tests {
             for robot in ROBOTS {
                 let arm = ArmSpheres::new(robot);
                 let joints = robot.joints;
-                let config = JointConfig(core::array::from_fn(|j| joints[j].lower + shares[j] * (joints[j].upper - joints[j].lower)));
+                let config = JointConfig::from_fn(7, |j| joints[j].lower + shares[j] * (joints[j].upper - joints[j].lower));
                 let frames = robot.link_frames(&config);
                 let found: Vec<Sphere> = arm.spheres_at(&config).map(|(_, sphere)| sphere).collect();
                 let wanted = robot.spheres.iter().enumerate().flat_map(|(link, list)| list.iter().map(move |s| (link, s)));

@@ -9,7 +9,7 @@ use proptest::prelude::*;
 const ROUNDING: f32 = 2e-5;
 
 fn config() -> impl Strategy<Value = JointConfig> {
-    prop::array::uniform7(-2.5_f32..2.5).prop_map(JointConfig)
+    prop::array::uniform7(-2.5_f32..2.5).prop_map(JointConfig::new)
 }
 
 fn position() -> impl Strategy<Value = Vec3> {
@@ -144,7 +144,7 @@ proptest! {
         let distance = solid.distance(ball);
         prop_assume!((distance - radius).abs() > ROUNDING);
         let scene = Scene::from_primitives(vec![solid]);
-        let config = JointConfig([ball.x, ball.y, ball.z, 0.0, 0.0, 0.0, 0.0]);
+        let config = JointConfig::new([ball.x, ball.y, ball.z, 0.0, 0.0, 0.0, 0.0]);
         for level in levels() {
             prop_assert_eq!(scene.is_free(&at_level(&gantry(radius), level), &config), distance > radius, "{:?}", level);
         }
@@ -161,7 +161,7 @@ proptest! {
         points in prop::collection::vec(position(), 0..20),
         n_steps in 1..80_usize,
     ) {
-        let b = JointConfig(core::array::from_fn(|j| a[j] + to[j]));
+        let b = JointConfig::from_fn(7, |j| a[j] + to[j]);
         let scene = Scene::from_primitives(solids(&at, turn, 0.1)).with_points(&points, 0.02);
         let arm = ArmSpheres::new(&stick_arm());
         let n = n_steps.next_multiple_of(8);
@@ -182,7 +182,7 @@ fn the_arm_that_folds_into_itself_is_not_free_and_its_start_is() {
     let robot = stick_arm();
     let arm = ArmSpheres::new(&robot);
     assert!(Scene::empty().is_free(&arm, &robot.start));
-    let folded = JointConfig([0.0, -1.7, 0.0, -3.0, 0.0, 0.0, 0.0]);
+    let folded = JointConfig::new([0.0, -1.7, 0.0, -3.0, 0.0, 0.0, 0.0]);
     assert!(!Scene::empty().is_free(&arm, &folded));
 }
 
@@ -298,7 +298,7 @@ fn an_arm_of_too_many_links_is_refused() {
 fn a_resolution_beyond_all_bounds_is_one_that_ends() {
     let arm = gantry(0.1);
     let scene = Scene::from_primitives(vec![Primitive::Sphere { center: Vec3::ZERO, radius: 0.1 }]);
-    let [a, b] = [-1.0, 1.0].map(|x| JointConfig([x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
+    let [a, b] = [-1.0, 1.0].map(|x| JointConfig::new([x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
     assert!(!MotionChecker::new(&scene, &arm, f32::MAX).motion_is_free(&a, &b));
     assert!(!MotionChecker::new(&scene, &arm, f32::INFINITY).motion_is_free(&a, &b));
 }

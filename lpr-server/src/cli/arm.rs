@@ -3,7 +3,7 @@
 
 use super::{Failure, Result};
 use crate::files::{self, FileError};
-use lpr_core::robot::{Chain, DOF, JointConfig, ROBOTS, Robot};
+use lpr_core::robot::{Chain, JointConfig, ROBOTS, Robot};
 use std::path::{Path, PathBuf};
 
 /// Most bytes of a description or mesh.
@@ -64,8 +64,7 @@ impl ArmArguments {
 impl Arm {
     fn new(chain: Chain) -> Self {
         let closed_form = chain.as_built_in();
-        let middle = chain.limits().map(|(lower, upper)| 0.5 * (lower + upper));
-        let start = closed_form.as_ref().map_or(JointConfig(middle), |robot| robot.start);
+        let start = closed_form.as_ref().map_or_else(|| chain.middle(), |robot| robot.start);
         Self { chain, closed_form, start }
     }
 
@@ -99,14 +98,12 @@ impl Arm {
             )
             .into());
         }
-        let mut config = [0.0; DOF];
-        config[..dof].copy_from_slice(values);
-        Ok(JointConfig(config))
+        Ok(JointConfig::from_fn(dof, |j| values[j]))
     }
 
     /// The joints that there are.
     pub(super) fn joints(&self, config: &JointConfig) -> Vec<f32> {
-        config[..self.chain.dof()].to_vec()
+        config.to_vec()
     }
 }
 
@@ -145,7 +142,7 @@ mod tests {
             let arm = Arm::new(Chain::from_robot(ROBOTS[0]));
             let read = arm.config(&values, Path::new("a.json"), "configs[4]");
             let broken = values.iter().position(|q| !q.is_finite());
-            match (values.len() == DOF, broken, read) {
+            match (values.len() == 7, broken, read) {
                 (true, None, Ok(config)) => prop_assert_eq!(arm.joints(&config), values),
                 (true, Some(joint), Err(error)) => {
                     let field = format!("configs[4][{joint}]");

@@ -83,9 +83,7 @@ struct Segment {
 
 impl Segment {
     fn at(&self, length: f64) -> JointConfig {
-        JointConfig(core::array::from_fn(|j| {
-            (f64::from(self.from[j]) + self.direction[j] * length) as f32
-        }))
+        JointConfig::from_fn(DOF, |j| (f64::from(self.from[j]) + self.direction[j] * length) as f32)
     }
 }
 
@@ -209,7 +207,7 @@ mod tests {
     const PACE: Pace = Pace { max_velocity: 0.5, max_acceleration: 2.0, tick_secs: 0.01 };
 
     fn path(configs: Vec<[f32; DOF]>) -> JointPath {
-        JointPath::new(configs.into_iter().map(JointConfig).collect()).unwrap()
+        JointPath::new(configs.into_iter().map(JointConfig::new).collect()).unwrap()
     }
 
     /// Random corners near the arm's start, at distances from one tick's motion to a radian.

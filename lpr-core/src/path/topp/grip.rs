@@ -207,7 +207,7 @@ mod tests {
             angles in prop::array::uniform7(-3.0_f32..3.0), rates in prop::array::uniform7(-2.0..2.0_f64),
         ) {
             for robot in ROBOTS {
-                let jacobian = robot.jacobian(&JointConfig(angles));
+                let jacobian = robot.jacobian(&JointConfig::new(angles));
                 let velocity = Arm::of(robot).velocity(&angles.map(f64::from), &rates);
                 for (row, found) in jacobian.iter().zip(velocity.to_array()) {
                     let expected: f64 = row.iter().zip(rates).map(|(per_rate, rate)| per_rate * rate).sum();
@@ -218,7 +218,7 @@ mod tests {
 
         #[test]
         fn the_bound_is_above_the_grips_speed_and_near_it(
-            angles in prop::collection::vec(prop::array::uniform7(-1.0_f32..1.0).prop_map(JointConfig), 2..6),
+            angles in prop::collection::vec(prop::array::uniform7(-1.0_f32..1.0).prop_map(JointConfig::new), 2..6),
         ) {
             let path = SmoothPath::through(&JointPath::new(angles).unwrap());
             prop_assume!(path.n_pieces() > 0);

@@ -79,12 +79,12 @@ impl IkBranches {
 
 /// The nearest f32 configuration; limits are f32 values, so it stays within them.
 pub(super) fn rounded(angles: &Angles) -> JointConfig {
-    JointConfig(angles.map(|q| q as f32))
+    JointConfig::new(angles.map(|q| q as f32))
 }
 
 /// Angles of `config` in f64.
 pub(super) fn widened(config: &JointConfig) -> Angles {
-    config.0.map(f64::from)
+    config.to_array::<DOF>().map(f64::from)
 }
 
 /// The pose in f64 with a unit quaternion.

@@ -5,10 +5,10 @@
 //! that does not. A joint at a limit that a step would cross is held there for that step. Where the
 //! error stops shrinking, the next start is drawn.
 
-use super::super::chain::{Chain, ChainJoint, Motion, N_BODIES};
-use super::super::{DOF, JointConfig};
+use super::super::chain::{Chain, ChainJoint, Motion};
+use super::super::{DOF, JointConfig, MAX_JOINTS};
 use super::Distinct;
-use super::closed_form::{Angles, exact_pose, rounded, widened};
+use super::closed_form::exact_pose;
 use super::step::{DampedInverse, Twist, twist_between};
 use crate::rng::Rng;
 use core::f64::consts::TAU;
@@ -66,12 +66,29 @@ impl Chain {
         min_distance: f32,
         rng: &mut Rng,
     ) -> Vec<JointConfig> {
+        let wanted = Distinct { solutions: Vec::new(), n: n_solutions, min_distance };
+        // Sums over the joints are short where there are few.
+        if self.dof() <= DOF {
+            self.solve::<DOF>(world_from_tip, seed, wanted, rng)
+        } else {
+            self.solve::<MAX_JOINTS>(world_from_tip, seed, wanted, rng)
+        }
+    }
+
+    /// The solutions of an arm of at most `N` joints.
+    fn solve<const N: usize>(
+        &self,
+        world_from_tip: &Pose3,
+        seed: &JointConfig,
+        mut distinct: Distinct,
+        rng: &mut Rng,
+    ) -> Vec<JointConfig> {
+        let n_solutions = distinct.n;
         let target = exact_pose(world_from_tip);
-        let mut distinct = Distinct { solutions: Vec::new(), n: n_solutions, min_distance };
         if !(target.is_finite() && seed.is_finite()) {
             return distinct.solutions;
         }
-        let seed = self.within(&widened(seed));
+        let seed = self.within(&widened::<N>(seed));
         let mut start = seed;
         for attempt in 0..MIN_ATTEMPTS.saturating_add(ATTEMPTS_EACH.saturating_mul(n_solutions)) {
             let is_hopeless = attempt >= MIN_ATTEMPTS && distinct.solutions.is_empty();
@@ -89,7 +106,7 @@ impl Chain {
     }
 
     /// Where the error vanishes below `start`, if it does.
-    fn descend(&self, target: &DPose3, start: Angles) -> Option<Angles> {
+    fn descend<const N: usize>(&self, target: &DPose3, start: [f64; N]) -> Option<[f64; N]> {
         let mut at = Residual::new(self, target, start);
         let (mut damping, mut earlier) = (FIRST_DAMPING, f64::INFINITY);
         for step in 1..=MAX_STEPS {
@@ -116,17 +133,17 @@ impl Chain {
     }
 
     /// The damped step from `at`, in which joints stay within their limits.
-    fn step(&self, at: &Residual, damping: f64) -> Angles {
+    fn step<const N: usize>(&self, at: &Residual<N>, damping: f64) -> [f64; N] {
         let mut jacobian = self.chain_jacobian(&at.frames);
         // Each round holds at least one more joint.
-        for _ in 0..=DOF {
+        for _ in 0..=N {
             let change = DampedInverse::new(jacobian, damping).apply(&at.error);
-            let proposed: Angles = core::array::from_fn(|j| at.positions[j] + change[j]);
+            let proposed: [f64; N] = core::array::from_fn(|j| at.positions[j] + change[j]);
             let kept = self.within(&proposed);
             let is_stuck = |j: &usize| {
                 change[*j] != 0.0 && proposed[*j] != kept[*j] && at.positions[*j] == kept[*j]
             };
-            let stuck: Vec<usize> = (0..DOF).filter(is_stuck).collect();
+            let stuck: Vec<usize> = (0..N).filter(is_stuck).collect();
             if stuck.is_empty() {
                 return kept;
             }
@@ -137,10 +154,10 @@ impl Chain {
 
     /// Jacobian of the tip in the world frame: rows are linear, then angular velocity; entries
     /// without a joint have none.
-    fn chain_jacobian(&self, frames: &[DPose3; N_BODIES]) -> [[f64; DOF]; 6] {
-        let tip = (frames[DOF] * self.body_from_tip).translation;
-        let mut jacobian = [[0.0; DOF]; 6];
-        for (j, (joint, frame)) in self.joints.iter().zip(&frames[1..]).enumerate() {
+    fn chain_jacobian<const N: usize>(&self, frames: &[DPose3; N]) -> [[f64; N]; 6] {
+        let tip = (frames[N - 1] * self.body_from_tip).translation;
+        let mut jacobian = [[0.0; N]; 6];
+        for (j, (joint, frame)) in self.joints.iter().zip(frames).enumerate() {
             let axis = frame.rotation * DVec3::Z;
             let (linear, angular) = match joint.motion {
                 Motion::Turn => (axis.cross(tip - frame.translation), axis),
@@ -155,23 +172,31 @@ impl Chain {
     }
 
     /// The positions moved into the limits; 0 where there is no joint.
-    fn within(&self, positions: &Angles) -> Angles {
-        let limits = self.limits();
-        core::array::from_fn(|j| positions[j].clamp(f64::from(limits[j].0), f64::from(limits[j].1)))
+    fn within<const N: usize>(&self, positions: &[f64; N]) -> [f64; N] {
+        let kept = |(joint, q): (&ChainJoint, &f64)| {
+            q.clamp(f64::from(joint.lower), f64::from(joint.upper))
+        };
+        let mut within = [0.0; N];
+        let all = self.joints.iter().zip(positions).map(kept);
+        within.iter_mut().zip(all).for_each(|(q, kept)| *q = kept);
+        within
     }
 
     /// A start within the limits, of joints that turn at most one turn of them.
-    fn drawn(&self, rng: &mut Rng) -> Angles {
+    fn drawn<const N: usize>(&self, rng: &mut Rng) -> [f64; N] {
         core::array::from_fn(|j| self.joints.get(j).map_or(0.0, |joint| joint.drawn(rng)))
     }
 
     /// The solution in f32 with the windings nearest `seed`, if its tip is where it should be.
-    fn accepted(&self, found: &Angles, seed: &Angles, target: &DPose3) -> Option<JointConfig> {
-        let wound = core::array::from_fn(|j| {
-            self.joints.get(j).map_or(0.0, |joint| joint.wound(found[j], seed[j]))
-        });
-        let config = rounded(&wound);
-        Residual::new(self, target, widened(&config)).is_solved().then_some(config)
+    fn accepted<const N: usize>(
+        &self,
+        found: &[f64; N],
+        seed: &[f64; N],
+        target: &DPose3,
+    ) -> Option<JointConfig> {
+        let config =
+            JointConfig::from_fn(self.dof(), |j| self.joints[j].wound(found[j], seed[j]) as f32);
+        Residual::new(self, target, widened::<N>(&config)).is_solved().then_some(config)
     }
 }
 
@@ -198,18 +223,18 @@ impl ChainJoint {
     }
 }
 
-/// What is left between the tip and the target.
-struct Residual {
-    positions: Angles,
-    frames: [DPose3; N_BODIES],
+/// What is left between the tip and the target, of an arm of at most `N` joints.
+struct Residual<const N: usize> {
+    positions: [f64; N],
+    frames: [DPose3; N],
     error: Twist,
     squared: f64,
 }
 
-impl Residual {
-    fn new(chain: &Chain, target: &DPose3, positions: Angles) -> Self {
+impl<const N: usize> Residual<N> {
+    fn new(chain: &Chain, target: &DPose3, positions: [f64; N]) -> Self {
         let frames = chain.frames_at(&positions);
-        let error = twist_between(&(frames[DOF] * chain.body_from_tip), target);
+        let error = twist_between(&(frames[N - 1] * chain.body_from_tip), target);
         Self { positions, frames, squared: error.iter().map(|part| part * part).sum(), error }
     }
 
@@ -219,6 +244,11 @@ impl Residual {
         is_below(DVec3::new(x, y, z), MAX_DISTANCE)
             && is_below(DVec3::new(around_x, around_y, around_z), MAX_ANGLE)
     }
+}
+
+/// Positions of the first `N` joints in f64; 0 where there is no joint.
+fn widened<const N: usize>(config: &JointConfig) -> [f64; N] {
+    config.to_array::<N>().map(f64::from)
 }
 
 #[cfg(test)]

@@ -86,7 +86,7 @@ impl Robot {
 
     /// Adds motion within the null space, away from limits that are nearer than [`PULL_ZONE`], no
     /// faster than `change` itself.
-    fn add_pull(&self, inverse: &DampedInverse, angles: &Angles, change: &mut Angles) {
+    fn add_pull(&self, inverse: &DampedInverse<DOF>, angles: &Angles, change: &mut Angles) {
         let speed = libm::sqrt(change.iter().map(|d| d * d).sum());
         let wish: Angles = core::array::from_fn(|j| speed * repulsion(&self.joints[j], angles[j]));
         let felt = inverse.apply(&inverse.twist(&wish));
@@ -154,15 +154,15 @@ pub(super) fn twist_between(from: &DPose3, to: &DPose3) -> Twist {
     [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z]
 }
 
-/// `Jᵀ (J Jᵀ + λ²)⁻¹` with its Cholesky factor.
-pub(super) struct DampedInverse {
-    jacobian: [[f64; DOF]; 6],
+/// `Jᵀ (J Jᵀ + λ²)⁻¹` of `N` joints with its Cholesky factor.
+pub(super) struct DampedInverse<const N: usize> {
+    jacobian: [[f64; N]; 6],
     factor: [[f64; 6]; 6],
 }
 
-impl DampedInverse {
+impl<const N: usize> DampedInverse<N> {
     /// With the damping `λ`, in units of the Jacobian.
-    pub(super) fn new(jacobian: [[f64; DOF]; 6], damping: f64) -> Self {
+    pub(super) fn new(jacobian: [[f64; N]; 6], damping: f64) -> Self {
         let mut factor = [[0.0; 6]; 6];
         for row in 0..6 {
             for col in 0..=row {
@@ -179,12 +179,12 @@ impl DampedInverse {
     }
 
     /// The twist of joint velocities.
-    fn twist(&self, velocities: &Angles) -> Twist {
+    fn twist(&self, velocities: &[f64; N]) -> Twist {
         self.jacobian.map(|row| row.iter().zip(velocities).map(|(a, b)| a * b).sum())
     }
 
     /// The smallest joint velocities with that twist.
-    pub(super) fn apply(&self, twist: &Twist) -> Angles {
+    pub(super) fn apply(&self, twist: &Twist) -> [f64; N] {
         let mut y = *twist;
         for row in 0..6 {
             let known: f64 = (0..row).map(|k| self.factor[row][k] * y[k]).sum();

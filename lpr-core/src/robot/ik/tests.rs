@@ -8,10 +8,10 @@ use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
 fn config_at(robot: &Robot, fractions: [f32; DOF]) -> JointConfig {
-    JointConfig(core::array::from_fn(|j| {
+    JointConfig::from_fn(DOF, |j| {
         let joint = &robot.joints[j];
         (joint.lower + fractions[j] * (joint.upper - joint.lower)).clamp(joint.lower, joint.upper)
-    }))
+    })
 }
 
 /// Distance in metres and angle in radians.
@@ -213,7 +213,7 @@ fn singular_configurations_are_solved() {
         [0.0, 0.0, 0.0, 0.9, 0.0, 0.0, 0.0],
     ];
     for robot in ROBOTS {
-        for mut config in configs.map(JointConfig) {
+        for mut config in configs.map(JointConfig::new) {
             if robot.name == "panda" {
                 config[3] = -0.07 - config[3];
             }
@@ -231,7 +231,7 @@ fn singular_configurations_are_solved() {
 fn elbow_fully_stretched_is_solved() {
     // The elbow angle of the farthest wrist is no round number: ternary search.
     let reach = |q4: f32| {
-        let frames = XARM7.joint_frames(&JointConfig([0.0, 0.0, 0.0, q4, 0.0, 0.0, 0.0]));
+        let frames = XARM7.joint_frames(&JointConfig::new([0.0, 0.0, 0.0, q4, 0.0, 0.0, 0.0]));
         (frames[5].translation - frames[0].translation).length()
     };
     let (mut low, mut high) = (-0.1f32, 1.0f32);
@@ -239,7 +239,7 @@ fn elbow_fully_stretched_is_solved() {
         let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
         if reach(a) < reach(b) { low = a } else { high = b }
     }
-    let config = JointConfig([0.4, 0.7, -0.3, low, 0.5, 1.0, 0.2]);
+    let config = JointConfig::new([0.4, 0.7, -0.3, low, 0.5, 1.0, 0.2]);
     let pose = XARM7.grip(&config);
     let found = XARM7.ik_nearest(&pose, &config).expect("reachable");
     assert_solves(&XARM7, &found, &pose);

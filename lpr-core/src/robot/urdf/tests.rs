@@ -60,7 +60,7 @@ fn link<'a>(chain: &'a Chain, name: &str) -> &'a ChainLink {
 }
 
 fn config(first: f32, second: f32) -> JointConfig {
-    JointConfig([first, second, 0.0, 0.0, 0.0, 0.0, 0.0])
+    JointConfig::new([first, second])
 }
 
 /// The names of allowed pairs.

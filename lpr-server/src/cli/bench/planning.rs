@@ -46,7 +46,7 @@ fn ik(name: &'static str, robot: &'static Robot) -> Row {
 
 /// Configurations on the way from a robot's start to one that differs in every joint.
 fn configs(robot: &Robot) -> Vec<JointConfig> {
-    let end = JointConfig(core::array::from_fn(|j| robot.start[j] + 0.1 * (j + 1) as f32));
+    let end = JointConfig::from_fn(DOF, |j| robot.start[j] + 0.1 * (j + 1) as f32);
     (0..MANY).map(|i| robot.start.lerp(&end, i as f32 / MANY as f32)).collect()
 }
 
@@ -76,8 +76,7 @@ fn checks() -> Row {
     });
     let (scene, arm) = (Scene::from_primitives(boards.collect()), ArmSpheres::new(&PANDA));
     let checker = MotionChecker::new(&scene, &arm, 8.0);
-    let end =
-        JointConfig(core::array::from_fn(|j| PANDA.start[j] + if j == 0 { 0.5 } else { 0.0 }));
+    let end = JointConfig::from_fn(DOF, |j| PANDA.start[j] + if j == 0 { 0.5 } else { 0.0 });
     assert!(checker.motion_is_free(&PANDA.start, &end), "the arm turns in front of the shelf");
     let n_checks = checker.n_checks();
     assert_eq!(n_checks, 8, "one block");

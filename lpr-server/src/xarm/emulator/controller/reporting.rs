@@ -79,8 +79,7 @@ impl Controller {
     fn tcp_speed(&self) -> f64 {
         /// Seconds over which the velocity is a difference.
         const STEP: f64 = 1e-3;
-        let after =
-            JointConfig(core::array::from_fn(|j| self.joints[j] + self.speeds[j] * STEP as f32));
+        let after = JointConfig::from_fn(DOF, |j| self.joints[j] + self.speeds[j] * STEP as f32);
         (XARM7.flange(&after).translation - XARM7.flange(&self.joints).translation).length() / STEP
     }
 }
