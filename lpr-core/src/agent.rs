@@ -30,6 +30,7 @@ use crate::rng::{Rng, Stream, stream};
 use crate::robot::Robot;
 use crate::scene::{ArmSpheres, Holding, MotionChecker, ObstacleQuery, Scene, obstacle_scene};
 use crate::train::TrainSettings;
+use std::sync::Arc;
 
 use glamx::Vec3;
 use rand::RngExt as _;
@@ -90,7 +91,7 @@ pub struct Networks {
 /// What chooses paths.
 #[derive(Debug)]
 pub struct Agent {
-    robot: &'static Robot,
+    robot: Arc<Robot>,
     method: Method,
     candidates: CandidateSettings,
     cloud_spacing: f32,
@@ -157,7 +158,7 @@ impl Networks {
     /// When settings cannot work.
     pub fn new(
         config: &Config,
-        robot: &'static Robot,
+        robot: &Arc<Robot>,
         method: Method,
         poses: PoseSource,
         init: Init,
@@ -197,10 +198,18 @@ pub struct Init {
 impl Agent {
     /// An agent with those networks.
     #[must_use]
-    pub fn new(config: &Config, robot: &'static Robot, method: Method, networks: Networks) -> Self {
+    pub fn new(config: &Config, robot: &Arc<Robot>, method: Method, networks: Networks) -> Self {
         let TrainSettings { cloud_spacing, acting_weights, .. } = config.training;
         let (candidates, discount) = (config.candidates.clone(), config.ranker.discount);
-        Self { robot, method, candidates, cloud_spacing, acting_weights, discount, networks }
+        Self {
+            robot: Arc::clone(robot),
+            method,
+            candidates,
+            cloud_spacing,
+            acting_weights,
+            discount,
+            networks,
+        }
     }
 
     /// What a later reward counts for: `γ` of the ranker.
@@ -237,15 +246,15 @@ impl Agent {
 
     /// The arm that it moves.
     #[must_use]
-    pub const fn robot(&self) -> &'static Robot {
-        self.robot
+    pub const fn robot(&self) -> &Arc<Robot> {
+        &self.robot
     }
 
     /// What Q-attention and its replay see of an observation; none with the demonstrator's poses.
     #[must_use]
     pub fn attended(&self, observation: &Observation) -> Option<QObservation> {
         self.networks.q_attention.is_some().then(|| {
-            QObservation::new(observation, VoxelBounds::scene(self.robot), self.cloud_spacing)
+            QObservation::new(observation, VoxelBounds::scene(&self.robot), self.cloud_spacing)
         })
     }
 
@@ -296,7 +305,7 @@ impl Agent {
     pub fn obstacles(&self, observation: &Observation, goal: &NextBestPose) -> Scene {
         let proprio = &observation.proprio;
         let query = ObstacleQuery {
-            robot: self.robot,
+            robot: &self.robot,
             measured: &proprio.joints,
             goal: Some(&goal.pose),
             holding: if is_holding(proprio) { Holding::Object } else { Holding::Nothing },
@@ -309,7 +318,7 @@ impl Agent {
     #[must_use]
     pub fn ranked(&self, path: &JointPath, scene: &Scene) -> RankedPath {
         let path = path.resample(self.candidates.path_len);
-        let arm = ArmSpheres::new(self.robot);
+        let arm = ArmSpheres::new(&self.robot);
         let checker = MotionChecker::new(scene, &arm, self.candidates.rrt.checks_per_radian);
         let collides = !checker.path_is_free(path.configs());
         RankedPath { path, collides }
@@ -329,7 +338,7 @@ impl Agent {
         scene: &Scene,
         streams: CandidateStreams,
     ) -> Result<CandidateSet> {
-        let (robot, start) = (self.robot, proprio.joints);
+        let (robot, start) = (&self.robot, proprio.joints);
         // Line 10: π(o, g); whether it is valid is tested with the other paths at hand.
         let policy_path = self.policy_path(proprio, goal)?;
         let query =

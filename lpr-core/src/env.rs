@@ -6,6 +6,7 @@ use crate::perception::Observation;
 use crate::q_attention::NextBestPose;
 use crate::robot::{Gripper, Robot};
 use core::fmt;
+use std::sync::Arc;
 
 /// Macro actions of one episode at most.
 pub const EPISODE_LENGTH: usize = 10;
@@ -13,7 +14,7 @@ pub const EPISODE_LENGTH: usize = 10;
 /// What an agent can see of a world and do in it.
 pub trait Environment {
     /// The arm.
-    fn robot(&self) -> &'static Robot;
+    fn robot(&self) -> &Arc<Robot>;
 
     /// Starts the episode of scene `seed`.
     ///

@@ -32,6 +32,7 @@ use crate::q_attention::{NetworkCost, NextBestPose};
 use crate::rng::Rng;
 use crate::robot::Robot;
 use network::{Encoding, RankerNetwork};
+use std::sync::Arc;
 
 use burn::module::Module as _;
 use burn::tensor::{Device, Tensor};
@@ -174,7 +175,7 @@ impl Ranker {
     /// [`Error::Config`] when a layer has no outputs, or a factor lies outside 0 to 1.
     pub fn new(
         settings: &RankerSettings,
-        robot: &'static Robot,
+        robot: &Arc<Robot>,
         backend: Backend,
         rng: &mut Rng,
     ) -> Result<Self> {
@@ -182,8 +183,11 @@ impl Ranker {
         let device = backend.device();
         let online = RankerNetwork::new(settings, &device, rng);
         let (target, adam) = (online.clone(), Adam::new(settings.adam, &online));
-        let encoding =
-            Encoding { input: settings.input, joint_scale: JointScale::new(robot), robot };
+        let encoding = Encoding {
+            input: settings.input,
+            joint_scale: JointScale::new(robot),
+            robot: Arc::clone(robot),
+        };
         Ok(Self { settings: settings.clone(), encoding, device, online, target, adam })
     }
 

@@ -227,7 +227,7 @@ impl DemoFrameJson {
         Self {
             q,
             qd: core::array::from_fn(|joint| (next.config()[joint] - q[joint]) / control_dt),
-            gripper_open: Proprio::openness(width, world.robot().gripper.max_width) > 0.5,
+            gripper_open: Proprio::openness(width, world.gripper_spec().max_width) > 0.5,
             gripper_width: width,
         }
     }

@@ -14,6 +14,7 @@ use lpr_core::sim::{Demonstration, SimEnvironment, SimParams, demonstrate};
 use rayon::prelude::*;
 use std::fmt::Write as _;
 use std::path::Path;
+use std::sync::Arc;
 
 const PICTURE: Size = Size { width: 320, height: 240 };
 const ANIMATION: Size = PICTURE;
@@ -33,7 +34,7 @@ pub struct Entry {
     /// The task.
     pub row: TaskRow,
     /// Name of the arm that does it.
-    pub robot: &'static str,
+    pub robot: String,
     /// Seed of the scene.
     pub seed: u64,
 }
@@ -71,7 +72,7 @@ fn draw_task(
     directory: &Path,
     task: &'static Task,
     row: TaskRow,
-    robot: &'static Robot,
+    robot: &Arc<Robot>,
 ) -> Result<Entry, GalleryError> {
     let (seed, demo) = demonstration(task, robot)?;
     let camera = view_of(grasp_direction(&demo));
@@ -85,13 +86,13 @@ fn draw_task(
         ANIMATION.height,
         &animation(&demo, camera)?,
     )?;
-    Ok(Entry { row, robot: robot.name, seed })
+    Ok(Entry { row, robot: robot.name.clone(), seed })
 }
 
 /// The first demonstration that succeeds, with the seed of its scene.
 fn demonstration(
     task: &'static Task,
-    robot: &'static Robot,
+    robot: &Arc<Robot>,
 ) -> Result<(u64, Demonstration), GalleryError> {
     for seed in 0..MAX_SEEDS {
         let mut environment =

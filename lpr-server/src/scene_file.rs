@@ -65,7 +65,7 @@ impl SceneFile {
     pub fn start(&self) -> lpr_core::Result<SimEnvironment> {
         SimEnvironment::in_scene(
             self.scene.clone(),
-            Robot::by_name(&self.robot)?,
+            &Robot::by_name(&self.robot)?,
             &SimParams::STANDARD,
         )
     }
@@ -78,8 +78,9 @@ mod tests {
     use lpr_core::scene::Shape;
     use lpr_core::sim::tasks::{TASKS, Task};
     use serde_json::{Value, json};
+    use std::sync::Arc;
 
-    fn scene(task: &'static Task, robot: &'static Robot) -> SimEnvironment {
+    fn scene(task: &'static Task, robot: &Arc<Robot>) -> SimEnvironment {
         SimEnvironment::new(task, robot, 3, &["front"], &SimParams::STANDARD).unwrap()
     }
 

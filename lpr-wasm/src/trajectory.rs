@@ -55,8 +55,12 @@ impl TrajectoryRequest {
             return Err(Error::Config(format!("speed: above 0 to 1, got {}", self.speed)));
         }
         Ok(MotionLimits {
-            velocity: robot.joints.map(|joint| self.speed * f64::from(joint.max_velocity)),
-            acceleration: robot.joints.map(|joint| self.speed * f64::from(joint.max_acceleration)),
+            velocity: core::array::from_fn(|j| {
+                self.speed * f64::from(robot.joints[j].max_velocity)
+            }),
+            acceleration: core::array::from_fn(|j| {
+                self.speed * f64::from(robot.joints[j].max_acceleration)
+            }),
             jerk: self.max_jerk.map(|jerk| [jerk; DOF]),
         })
     }

@@ -69,7 +69,8 @@ pub fn load_agent(weights: &[u8]) -> Result<SavedAgent> {
     let robot = Robot::by_name(&header.robot)
         .map_err(|error| Error::Checkpoint(format!("weights: {error}")))?;
     let Run { method, poses, backend, seed, .. } = header.run;
-    let mut networks = Networks::new(&header.config, robot, method, poses, Init { backend, seed })?;
+    let mut networks =
+        Networks::new(&header.config, &robot, method, poses, Init { backend, seed })?;
     if let Some(attention) = &mut networks.q_attention {
         let mut state = attention.state();
         for (depth_idx, depth) in state.depths.iter_mut().enumerate() {
@@ -95,7 +96,7 @@ pub fn load_agent(weights: &[u8]) -> Result<SavedAgent> {
             tensor.name
         )));
     }
-    let agent = Agent::new(&header.config, robot, method, networks);
+    let agent = Agent::new(&header.config, &robot, method, networks);
     Ok(SavedAgent { header, agent })
 }
 

@@ -8,6 +8,7 @@ use crate::nn::{
 };
 use crate::rng::Rng;
 use crate::robot::{DOF, JointConfig, Robot};
+use std::sync::Arc;
 
 use burn::module::Module;
 use burn::tensor::activation::relu;
@@ -128,7 +129,7 @@ pub(super) struct PathTensors {
 pub(super) struct Encoding {
     pub(super) input: RankerInput,
     pub(super) joint_scale: JointScale,
-    pub(super) robot: &'static Robot,
+    pub(super) robot: Arc<Robot>,
 }
 
 impl Encoding {

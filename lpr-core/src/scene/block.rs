@@ -6,7 +6,7 @@
 use super::Scene;
 use super::arm_spheres::{ArmPart, ArmSpheres, CLUSTER, Cluster, LinkSpheres, MAX_LINKS, Rotation};
 use crate::lanes::{Floats, Vec3s, sincos};
-use crate::robot::{DOF, JointConfig, MAX_JOINTS, Motion};
+use crate::robot::{DOF, JointConfig, JointMotion, MAX_JOINTS};
 use arrayvec::ArrayVec;
 use fearless_simd::{Simd, SimdBase as _, SimdMask as _, dispatch};
 use glamx::Vec3;
@@ -231,8 +231,8 @@ fn forward_kinematics<S: Simd, const J: usize, const B: usize>(
         };
         let origin = at.offset(joint.translation);
         frames[j + 1] = match joint.motion {
-            Motion::Slide => Frames { axes: [x, y, z], origin: origin.add(z.scaled(q[j])) },
-            Motion::Turn => {
+            JointMotion::Slide => Frames { axes: [x, y, z], origin: origin.add(z.scaled(q[j])) },
+            JointMotion::Turn => {
                 let (sin, cos) = sincos(simd, q[j]);
                 Frames {
                     axes: [x.scaled(cos).add(y.scaled(sin)), y.scaled(cos).sub(x.scaled(sin)), z],

@@ -9,7 +9,7 @@ use super::arm_spheres::{ArmPart, ArmSpheres, Frame, LinkSpheres};
 use super::primitive::length;
 use super::signed_distance::SignedDistance;
 use super::{PointCloud, Primitive, Scene};
-use crate::robot::{JointConfig, Motion, Sphere};
+use crate::robot::{JointConfig, JointMotion, Sphere};
 use glamx::Vec3;
 
 /// How near a link is to an obstacle, or to another link.
@@ -166,8 +166,8 @@ impl Placed<'_> {
             for (j, joint) in self.arm.joints.iter().enumerate().take(link.body) {
                 let frame = &self.frames[j + 1];
                 let velocity = match joint.motion {
-                    Motion::Slide => frame.axis(),
-                    Motion::Turn => frame.axis().cross(*point - frame.origin()),
+                    JointMotion::Slide => frame.axis(),
+                    JointMotion::Turn => frame.axis().cross(*point - frame.origin()),
                 };
                 gradient[j] += normal.dot(velocity);
             }

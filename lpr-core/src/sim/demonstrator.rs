@@ -13,6 +13,7 @@ use crate::rng::Rng;
 use crate::robot::{JointConfig, Robot};
 use crate::scene::{ArmSpheres, MotionChecker, Part, Primitive, Scene};
 use glamx::{Pose3, Quat};
+use std::sync::Arc;
 
 /// Postures tried for the first waypoint, each followed through all others.
 const POSTURES: usize = 40;
@@ -230,7 +231,7 @@ pub fn demonstrate(env: &mut SimEnvironment, rng: &mut Rng) -> Demonstration {
 
 /// The path of one step from where the arm is.
 fn motion(env: &mut SimEnvironment, step: &PlanStep, rng: &mut Rng) -> Option<JointPath> {
-    let robot = env.robot();
+    let robot = &Arc::clone(env.robot());
     let goal = match step {
         PlanStep::Prescribed(path) => return Some(path.clone()),
         PlanStep::Free(config) => *config,

@@ -33,7 +33,7 @@ const START_TOLERANCE: f32 = 1e-3;
 pub struct SimEnvironment {
     task: &'static Task,
     variation: usize,
-    pub(super) robot: &'static Robot,
+    pub(super) robot: Arc<Robot>,
     params: SimParams,
     timing: TimingSettings,
     cameras: Vec<&'static str>,
@@ -61,7 +61,7 @@ impl SimEnvironment {
     /// When a camera is unknown or the scene cannot be placed.
     pub fn new(
         task: &'static Task,
-        robot: &'static Robot,
+        robot: &Arc<Robot>,
         seed: u64,
         cameras: &[&'static str],
         params: &SimParams,
@@ -77,7 +77,7 @@ impl SimEnvironment {
     pub fn of_variation(
         task: &'static Task,
         variation: usize,
-        robot: &'static Robot,
+        robot: &Arc<Robot>,
         seed: u64,
         cameras: &[&'static str],
         params: &SimParams,
@@ -95,7 +95,7 @@ impl SimEnvironment {
     /// # Errors
     ///
     /// When its task is unknown or the scene cannot be built.
-    pub fn in_scene(spec: SceneSpec, robot: &'static Robot, params: &SimParams) -> Result<Self> {
+    pub fn in_scene(spec: SceneSpec, robot: &Arc<Robot>, params: &SimParams) -> Result<Self> {
         spec.check()?;
         let task = Task::by_name(&spec.task)?;
         let scene = TaskScene { spec, waypoints: Vec::new() };
@@ -110,17 +110,18 @@ impl SimEnvironment {
 
     fn of(
         task: &'static Task,
-        robot: &'static Robot,
+        robot: &Arc<Robot>,
         PlacedTask { scene, plan, rejected, .. }: PlacedTask,
         cameras: &[&'static str],
         params: &SimParams,
     ) -> Result<Self> {
+        robot.workspace_center()?;
         let world = settled(World::new(Arc::new(scene.spec), robot, robot.start, params)?);
         let drawing = Drawing::new(&world)?;
         Ok(Self {
             task,
             variation: 0,
-            robot,
+            robot: Arc::clone(robot),
             params: params.clone(),
             timing: TimingSettings { max_velocity: 1.0, max_acceleration: 4.0 },
             cameras: cameras.to_vec(),
@@ -171,7 +172,7 @@ impl SimEnvironment {
     /// when the arm cannot do that.
     #[must_use]
     pub fn with_goals(&self, goals: &[NextBestPose], rng: &mut Rng) -> Option<Self> {
-        let plan = self.plan.with_goals(self.robot, &self.robot.start, goals, rng)?;
+        let plan = self.plan.with_goals(&self.robot, &self.robot.start, goals, rng)?;
         Some(Self { plan: Arc::new(plan), ..self.clone() })
     }
 
@@ -187,7 +188,7 @@ impl SimEnvironment {
             body.kind = BodyKind::Dynamic;
         }
         let world =
-            settled(World::new(Arc::new(spec), self.robot, self.robot.start, &self.params)?);
+            settled(World::new(Arc::new(spec), &self.robot, self.robot.start, &self.params)?);
         Ok(Self { world, step: 0, ..self.clone() })
     }
 
@@ -221,7 +222,7 @@ impl SimEnvironment {
             scene::Holding::Object
         };
         let query =
-            ObstacleQuery { robot: self.robot, measured: self.world.config(), goal, holding };
+            ObstacleQuery { robot: &self.robot, measured: self.world.config(), goal, holding };
         obstacle_scene(&query, &points)
     }
 
@@ -270,7 +271,7 @@ impl SimEnvironment {
         if !path.configs().iter().all(|config| self.robot.within_limits(config)) {
             return Err(InvalidAction::OutsideLimits);
         }
-        let timed = TimedPath::new(path.clone(), self.robot, &self.timing)
+        let timed = TimedPath::new(path.clone(), &self.robot, &self.timing)
             .expect("the environment's timing is positive");
         if timed.duration_secs() > MOTION_TIMEOUT_SECS {
             return Err(InvalidAction::TooLong { seconds: timed.duration_secs() as f32 });
@@ -332,14 +333,14 @@ fn settled(mut world: World) -> World {
 }
 
 impl Environment for SimEnvironment {
-    fn robot(&self) -> &'static Robot {
-        self.robot
+    fn robot(&self) -> &Arc<Robot> {
+        &self.robot
     }
 
     fn reset(&mut self, seed: u64) -> Result<()> {
         let timing = self.timing.clone();
         let sensing = self.sensing().cloned();
-        let Self { task, variation, robot, ref cameras, ref params, .. } = *self;
+        let Self { task, variation, ref robot, ref cameras, ref params, .. } = *self;
         *self =
             Self { timing, ..Self::of_variation(task, variation, robot, seed, cameras, params)? };
         if let Some(sensing) = sensing {
@@ -354,7 +355,7 @@ impl Environment for SimEnvironment {
         let proprio = Proprio {
             joints: *self.world.config(),
             gripper_width: width,
-            gripper_open: Proprio::openness(width, self.robot.gripper.max_width),
+            gripper_open: Proprio::openness(width, self.world.gripper_spec().max_width),
             finger_positions: [0.5 * width; 2],
             grip: self.robot.grip(self.world.config()),
             time: time_feature(self.step, EPISODE_LENGTH),

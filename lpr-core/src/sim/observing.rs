@@ -103,8 +103,8 @@ impl SimEnvironment {
     pub fn frames(&mut self, requests: &[CameraRequest]) -> Result<Vec<Capture>> {
         let world_from_flange = self.world_from_flange();
         let frame = |CameraRequest { camera, size: [width, height], channels }: &CameraRequest| {
-            let camera =
-                Camera::by_name(camera, self.robot, &world_from_flange)?.with_size(*width, *height);
+            let camera = Camera::by_name(camera, &self.robot, &world_from_flange)?
+                .with_size(*width, *height);
             Ok(self.frame(camera, channels))
         };
         requests.iter().map(frame).collect()
@@ -122,7 +122,7 @@ impl SimEnvironment {
         /// Everything but the mask.
         const SEEN: [Channel; 3] = [Channel::Rgb, Channel::Depth, Channel::Cloud];
         let world_from_flange = self.world_from_flange();
-        let camera = Camera::by_name(name, self.robot, &world_from_flange)
+        let camera = Camera::by_name(name, &self.robot, &world_from_flange)
             .expect("camera names were checked at construction");
         if self.drawing.sensing.is_none() {
             // In one pass over the pixels.

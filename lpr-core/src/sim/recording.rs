@@ -27,7 +27,7 @@ pub fn demo_frames(env: &SimEnvironment, demo: &Demonstration) -> Vec<DemoFrame>
             joint_velocities: core::array::from_fn::<f32, DOF, _>(|j| {
                 (joints[j] - before[j]) / control_dt
             }),
-            gripper_open: Proprio::openness(width, robot.gripper.max_width) > 0.5,
+            gripper_open: Proprio::openness(width, env.world().gripper_spec().max_width) > 0.5,
             gripper_width: width,
             grip: robot.grip(&joints),
         }
@@ -133,6 +133,7 @@ mod tests {
     use crate::robot::{PANDA, Robot, XARM7};
     use crate::sim::tasks::{TASKS, Task};
     use crate::sim::{SimParams, World};
+    use std::sync::Arc;
 
     #[test]
     fn demonstrations_have_the_keyframes_of_their_task_and_braking_is_none() {
@@ -152,7 +153,7 @@ mod tests {
 
     fn followed(
         task: &'static Task,
-        robot: &'static Robot,
+        robot: &Arc<Robot>,
         seed: u64,
     ) -> (Demonstration, Demonstration) {
         let mut env = SimEnvironment::new(task, robot, seed, &["front"], &SimParams::STANDARD)

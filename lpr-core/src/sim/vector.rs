@@ -10,6 +10,7 @@ use crate::path::JointPath;
 use crate::perception::Observation;
 use crate::robot::{Gripper, Robot};
 use core::ops::Range;
+use std::sync::Arc;
 
 /// What an agent does in one environment step.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,7 +64,7 @@ impl VectorEnvironment {
     /// As [`SimEnvironment::new`], of the first scene that fails.
     pub fn new(
         task: &'static Task,
-        robot: &'static Robot,
+        robot: &Arc<Robot>,
         seeds: Range<u64>,
         cameras: &[&'static str],
         params: &SimParams,

@@ -9,7 +9,7 @@ use super::physics::{Latched, Physics};
 use super::scene_spec::{BodyKind, Condition, JointKind, JointSpec, SceneSpec};
 use crate::env::InvalidAction;
 use crate::error::{Error, Result};
-use crate::robot::{DOF, Gripper, JointConfig, N_LINKS, Robot};
+use crate::robot::{DOF, Gripper, GripperSpec, JointConfig, N_LINKS, Robot};
 use crate::scene::Part;
 use glamx::{Pose3, Quat, Vec3};
 use rapier3d::prelude::{ImpulseJointHandle, RigidBodyHandle};
@@ -28,7 +28,8 @@ const LATCH_DEPTH: f32 = 0.02;
 pub struct World {
     pub(super) physics: Physics,
     pub(super) params: SimParams,
-    pub(super) robot: &'static Robot,
+    pub(super) robot: Arc<Robot>,
+    pub(super) gripper_spec: GripperSpec,
     pub(super) spec: Arc<SceneSpec>,
     pub(super) bodies: Vec<RigidBodyHandle>,
     pub(super) joints: Vec<ImpulseJointHandle>,
@@ -57,10 +58,11 @@ impl World {
     /// When a joint of the scene joins a body to itself or names one that is not there.
     pub fn new(
         spec: Arc<SceneSpec>,
-        robot: &'static Robot,
+        robot: &Arc<Robot>,
         config: JointConfig,
         params: &SimParams,
     ) -> Result<Self> {
+        let gripper_spec = hand_of(robot)?;
         let mut physics = Physics::new(params);
         let bodies: Vec<_> =
             spec.bodies.iter().map(|body| physics.insert_body(body, params)).collect();
@@ -85,10 +87,10 @@ impl World {
             let parts = link_parts(robot, link);
             physics.insert_robot_body(frames[link], &parts, params.pad_friction)
         });
-        let width = robot.gripper.max_width;
+        let width = gripper_spec.max_width;
         let grip = robot.grip(&config);
         let fingers = finger_poses(&grip, width, 0.0);
-        let finger_parts = finger_parts(&robot.gripper);
+        let finger_parts = finger_parts(&gripper_spec);
         let fingers = core::array::from_fn(|side| {
             physics.insert_robot_body(fingers[side], &finger_parts[side], params.pad_friction)
         });
@@ -96,7 +98,8 @@ impl World {
         Ok(Self {
             physics,
             params: params.clone(),
-            robot,
+            robot: Arc::clone(robot),
+            gripper_spec,
             spec,
             bodies,
             joints,
@@ -104,7 +107,7 @@ impl World {
             balls,
             links,
             fingers,
-            gripper: GripperState::open(&robot.gripper),
+            gripper: GripperState::open(&gripper_spec),
             config,
         })
     }
@@ -118,7 +121,7 @@ impl World {
     pub fn step(&mut self, config: &JointConfig) -> Result<(), InvalidAction> {
         self.check_speed(config)?;
         let last = core::mem::replace(&mut self.config, *config);
-        self.gripper.advance(&self.params, &self.robot.gripper);
+        self.gripper.advance(&self.params, &self.gripper_spec);
         let (frames, grip) = self.robot.link_frames_and_grip(config);
         self.move_links(&last, &frames);
         let fingers = finger_poses(&grip, self.gripper.width, self.gripper.offset);
@@ -170,10 +173,16 @@ impl World {
         self.gripper.command = command;
     }
 
+    /// The gripper.
+    #[must_use]
+    pub const fn gripper_spec(&self) -> &GripperSpec {
+        &self.gripper_spec
+    }
+
     /// Whether the gripper has reached what it was commanded to, or something that stops it.
     #[must_use]
     pub fn gripper_settled(&self) -> bool {
-        self.gripper.settled(&self.params, &self.robot.gripper)
+        self.gripper.settled(&self.params, &self.gripper_spec)
     }
 
     /// What the gripper holds.
@@ -196,8 +205,8 @@ impl World {
 
     /// The robot.
     #[must_use]
-    pub fn robot(&self) -> &'static Robot {
-        self.robot
+    pub fn robot(&self) -> &Arc<Robot> {
+        &self.robot
     }
 
     /// The scene it was built from.
@@ -334,8 +343,8 @@ impl World {
     /// Arm, hand and fingers with their poses now.
     #[must_use]
     pub fn robot_items(&self) -> Vec<(Pose3, Vec<Part>)> {
-        let links = (0..N_LINKS).map(|link| link_parts(self.robot, link));
-        self.robot_poses().zip(links.chain(finger_parts(&self.robot.gripper))).collect()
+        let links = (0..N_LINKS).map(|link| link_parts(&self.robot, link));
+        self.robot_poses().zip(links.chain(finger_parts(&self.gripper_spec))).collect()
     }
 
     /// FNV-1a over the bits of every pose: equal for equal worlds.
@@ -382,6 +391,18 @@ impl World {
     pub(super) fn is_graspable(&self, body: usize) -> bool {
         self.spec.bodies[body].kind == BodyKind::Graspable
     }
+}
+
+/// The gripper of a robot that can be simulated: seven joints and a hand.
+pub(super) fn hand_of(robot: &Robot) -> Result<GripperSpec> {
+    let found = (robot.dof(), robot.links.len());
+    if found != (DOF, N_LINKS) {
+        return Err(Error::Robot(format!(
+            "{}: expected {DOF} joints and {N_LINKS} links to simulate, found {} and {}",
+            robot.name, found.0, found.1
+        )));
+    }
+    robot.gripper().copied()
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@ use crate::perception::Observation;
 use crate::q_attention::NextBestPose;
 use crate::robot::{Gripper, PANDA, Robot};
 use crate::toy::Toy;
+use std::sync::Arc;
 
 use glamx::Vec3;
 
@@ -154,7 +155,7 @@ impl Stuck {
 }
 
 impl Environment for Stuck {
-    fn robot(&self) -> &'static Robot {
+    fn robot(&self) -> &Arc<Robot> {
         self.toy.robot()
     }
 

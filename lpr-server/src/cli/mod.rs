@@ -39,6 +39,7 @@ use std::ffi::OsString;
 use std::io::{self, Write as _};
 use std::net::SocketAddr;
 use std::process::ExitCode;
+use std::sync::Arc;
 use thiserror::Error;
 
 /// Exit status of arguments that are unknown, out of range or do not go together.
@@ -130,11 +131,11 @@ impl Command {
 }
 
 /// The option that chooses the arm.
-#[derive(Debug, Clone, Copy, Args)]
+#[derive(Debug, Clone, Args)]
 struct RobotArgument {
     /// The arm: xarm7 or panda
-    #[arg(long, value_name = "NAME", value_parser = Robot::by_name, default_value = ROBOTS[0].name)]
-    robot: &'static Robot,
+    #[arg(long, value_name = "NAME", value_parser = Robot::by_name, default_value = &*ROBOTS[0].name)]
+    robot: Arc<Robot>,
 }
 
 /// The argument that chooses the task.

@@ -15,6 +15,7 @@ use lpr_core::sim::tasks::Task;
 use lpr_core::sim::{SimEnvironment, SimParams};
 use serde::Serialize;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
@@ -94,7 +95,7 @@ pub(super) fn check_keyframe(task: &Task, keyframe: usize) -> Result<()> {
 #[derive(Debug, Serialize)]
 pub(super) struct Report {
     task: &'static str,
-    robot: &'static str,
+    robot: String,
     episodes: u32,
     /// Scene seeds whose demonstration failed, so that they have no keyframes.
     skipped_seeds: Vec<u64>,
@@ -225,7 +226,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
     }
     Ok(Report {
         task: task.name,
-        robot: robot.name,
+        robot: robot.name.clone(),
         episodes: *episodes,
         skipped_seeds,
         candidates: drawn.iter().flat_map(Drawn::rows).collect(),
@@ -259,8 +260,8 @@ impl Proposer {
             });
         };
         let SavedAgent { header, agent } = load_agent(&run_directory::latest(run)?.1.weights)?;
-        let robot = arguments.robot.robot.name;
-        if header.robot != robot {
+        let robot = &arguments.robot.robot.name;
+        if header.robot != *robot {
             let reason = format!(
                 "--checkpoint {}: of the robot {}, asked for {robot}",
                 run.display(),
@@ -289,7 +290,7 @@ impl Proposer {
     fn snapshots(
         &self,
         task: &'static Task,
-        robot: &'static Robot,
+        robot: &Arc<Robot>,
         seed: u64,
     ) -> Option<Vec<KeyframeSnapshot>> {
         let mut env = SimEnvironment::new(task, robot, seed, &self.cameras, &self.params).ok()?;

@@ -10,6 +10,7 @@ use lpr_core::sim::{PlacedTask, Rejected, place};
 use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 use serde::Serialize;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 /// Side of the cells that coverage is counted in, metres.
 const CELL: f32 = 0.05;
@@ -37,7 +38,7 @@ pub(super) struct Arguments {
 #[derive(Debug, Serialize)]
 pub(super) struct Report {
     task: &'static str,
-    robot: &'static str,
+    robot: String,
     scenes: u32,
     /// Scenes for which no draw was feasible.
     unplaced: usize,
@@ -96,9 +97,10 @@ impl Place {
 
 pub(super) fn run(arguments: &Arguments) -> Report {
     let Arguments { task: TaskArgument { task }, robot: RobotArgument { robot }, scenes, seed } =
-        *arguments;
-    let placed = place_all(task, robot, seed, scenes);
-    let reference = place_all(task, robot, REFERENCE_SEED, REFERENCE_FACTOR.saturating_mul(scenes));
+        arguments;
+    let placed = place_all(task, robot, *seed, *scenes);
+    let reference =
+        place_all(task, robot, REFERENCE_SEED, REFERENCE_FACTOR.saturating_mul(*scenes));
     let (rejected, places): (Vec<_>, Vec<_>) = placed.iter().flatten().copied().unzip();
     let reference: Vec<_> = reference.iter().flatten().map(|(_, place)| *place).collect();
     let sum = |count: fn(&Rejected) -> u64| rejected.iter().map(count).sum::<u64>() as f64;
@@ -108,8 +110,8 @@ pub(super) fn run(arguments: &Arguments) -> Report {
     let most = places.iter().map(|place| place.at).reduce(Vec2::max).unwrap_or_default();
     Report {
         task: task.name,
-        robot: robot.name,
-        scenes,
+        robot: robot.name.clone(),
+        scenes: *scenes,
         unplaced: placed.iter().filter(|placed| placed.is_none()).count(),
         rejected_at_the_arm: at_the_arm / draws,
         rejected_out_of_reach: out_of_reach / draws,
@@ -122,7 +124,7 @@ pub(super) fn run(arguments: &Arguments) -> Report {
 /// For each scene, where it stands after which rejected draws; nothing when it cannot be placed.
 fn place_all(
     task: &'static Task,
-    robot: &'static Robot,
+    robot: &Arc<Robot>,
     seed: u64,
     scenes: u32,
 ) -> Vec<Option<(Rejected, Place)>> {

@@ -25,7 +25,7 @@ pub(super) struct Arguments {
 pub(super) struct Report {
     file: PathBuf,
     task: &'static str,
-    robot: &'static str,
+    robot: String,
     seed: u64,
     bodies: Vec<String>,
     joints: Vec<String>,
@@ -42,7 +42,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
     Ok(Report {
         file: out.clone(),
         task: task.name,
-        robot: robot.name,
+        robot: robot.name.clone(),
         seed: *seed,
         bodies,
         joints,

@@ -1,7 +1,7 @@
 use super::closed_form::exact_pose;
 use super::{Angles, DOF, JointConfig, Pose3, Robot, differ};
 use crate::rng::{Stream, stream};
-use crate::robot::{PANDA, ROBOTS, XARM7};
+use crate::robot::{Joint, PANDA, ROBOTS, XARM7};
 use core::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 use glamx::{DPose3, Quat, Vec3};
 use proptest::prelude::*;
@@ -22,7 +22,7 @@ fn pose_error(a: &DPose3, b: &DPose3) -> (f64, f64) {
 }
 
 fn grip_at(robot: &Robot, angles: &Angles) -> DPose3 {
-    robot.frames_at(angles)[DOF - 1] * robot.link7_from_flange * robot.flange_from_grip
+    robot.frames_at(angles)[DOF - 1] * robot.body_from_flange * robot.flange_from_grip
 }
 
 fn assert_solves(robot: &Robot, config: &JointConfig, pose: &Pose3) {
@@ -178,6 +178,7 @@ fn product<const N: usize>(
     starts: [(f32, f32, f32); N],
 ) -> impl Iterator<Item = (&'static Robot, f32, (f32, f32, f32))> {
     ROBOTS.into_iter().flat_map(move |robot| {
+        let robot: &Robot = robot;
         [1.0, -1.0].into_iter().flat_map(move |side| starts.map(|start| (robot, side, start)))
     })
 }
@@ -278,7 +279,10 @@ fn windings_are_the_nearest_to_the_reference() {
 #[test]
 fn both_arms_have_the_structure_that_the_closed_form_assumes() {
     for robot in ROBOTS {
-        let [joint1, joint2, joint3, joint4, joint5, joint6, joint7] = &robot.joints;
+        let rows: Vec<_> = robot.joints.iter().filter_map(Joint::dh).collect();
+        let [joint1, joint2, joint3, joint4, joint5, joint6, joint7] = rows[..] else {
+            panic!("{}: {rows:?}", robot.name)
+        };
         assert_eq!(
             (joint1.alpha, joint1.a, joint2.a, joint2.d, joint3.a),
             (0.0, 0.0, 0.0, 0.0, 0.0)

@@ -6,8 +6,9 @@ use crate::robot::{DOF, PANDA, Robot, XARM7};
 use crate::sim::tasks::{TASKS, Task};
 use crate::sim::{BodyKind, Holding, SimParams, World, demonstrate};
 use rand::RngExt as _;
+use std::sync::Arc;
 
-fn environment(task: &'static Task, robot: &'static Robot, seed: u64) -> SimEnvironment {
+fn environment(task: &'static Task, robot: &Arc<Robot>, seed: u64) -> SimEnvironment {
     SimEnvironment::new(task, robot, seed, &["front"], &SimParams::STANDARD).unwrap()
 }
 
@@ -84,7 +85,7 @@ struct Tally {
 }
 
 /// Control steps with arbitrary targets, starting over where the world has ended an episode.
-fn fuzz(task: &'static Task, robot: &'static Robot, n_steps: usize) -> Tally {
+fn fuzz(task: &'static Task, robot: &Arc<Robot>, n_steps: usize) -> Tally {
     let mut rng = stream(1, Stream::Explore, 0);
     let start = environment(task, robot, 3);
     let (mut env, mut tally, mut heading) = (start.clone(), Tally::default(), [0.0; DOF]);
@@ -122,7 +123,7 @@ fn fuzz(task: &'static Task, robot: &'static Robot, n_steps: usize) -> Tally {
 }
 
 /// Half of the hundred thousand steps that both robots do, spread over the tasks.
-fn fuzz_tasks(robot: &'static Robot) {
+fn fuzz_tasks(robot: &Arc<Robot>) {
     let mut sum = Tally::default();
     for task in TASKS {
         let tally = fuzz(task, robot, 50_000 / TASKS.len());

@@ -6,8 +6,9 @@ use crate::rng::{Stream, stream};
 use crate::robot::{PANDA, ROBOTS, XARM7};
 use crate::sim::tasks::{TASKS, Task};
 use crate::sim::{Demonstration, SimEnvironment, demonstrate};
+use std::sync::Arc;
 
-fn demonstration(task: &str, robot: &'static Robot, seed: u64) -> (SimEnvironment, Demonstration) {
+fn demonstration(task: &str, robot: &Arc<Robot>, seed: u64) -> (SimEnvironment, Demonstration) {
     let task = Task::by_name(task).unwrap();
     let mut env = SimEnvironment::new(task, robot, seed, &["front"], &SimParams::STANDARD).unwrap();
     let demo = demonstrate(&mut env, &mut stream(seed, Stream::Demo, 0));

@@ -16,6 +16,7 @@ use lpr_core::scene::{
 use lpr_core::sim::SimEnvironment;
 use lpr_core::sim::tasks::Task;
 use std::hint::black_box;
+use std::sync::Arc;
 
 /// Solutions, curves and paths that are asked for.
 const PATHS: usize = 20;
@@ -37,7 +38,7 @@ pub(super) fn run() -> Result<Vec<Row>> {
 }
 
 /// 20 distinct solutions of a pose above the table.
-fn ik(name: &'static str, robot: &'static Robot) -> Row {
+fn ik(name: &'static str, robot: &Arc<Robot>) -> Row {
     let mut pose = robot.grip(&robot.start);
     pose.translation.z -= 0.1;
     let mut rng = stream(0, Stream::Ik, 0);
@@ -51,14 +52,14 @@ fn configs(robot: &Robot) -> Vec<JointConfig> {
 }
 
 /// Forward kinematics of the flange.
-fn fk(name: &'static str, robot: &'static Robot) -> Row {
+fn fk(name: &'static str, robot: &Arc<Robot>) -> Row {
     let configs = configs(robot);
     measure(name, || configs.iter().map(|config| robot.flange(config).translation.x).sum::<f64>())
         .per(MANY)
 }
 
 /// All branches of the closed form at one angle of the last joint.
-fn ik_at(name: &'static str, robot: &'static Robot) -> Row {
+fn ik_at(name: &'static str, robot: &Arc<Robot>) -> Row {
     let questions: Vec<_> = configs(robot)
         .iter()
         .map(|config| (robot.grip(config), f64::from(config[DOF - 1])))
@@ -148,8 +149,8 @@ fn timing() -> Result<Row> {
     })?;
     let path = path.resample(CONFIGS);
     let limits = MotionLimits {
-        velocity: PANDA.joints.map(|joint| f64::from(joint.max_velocity)),
-        acceleration: PANDA.joints.map(|joint| f64::from(joint.max_acceleration)),
+        velocity: core::array::from_fn(|j| f64::from(PANDA.joints[j].max_velocity)),
+        acceleration: core::array::from_fn(|j| f64::from(PANDA.joints[j].max_acceleration)),
         jerk: Some(JERK),
     };
     let grip = GripSpeedLimit { robot: &PANDA, max_speed: 0.5 };

@@ -7,6 +7,7 @@ use lpr_core::env::Environment as _;
 use lpr_core::robot::{ROBOTS, Robot};
 use lpr_core::sim::SimEnvironment;
 use lpr_core::sim::tasks::{TASKS, Task};
+use std::sync::Arc;
 
 /// First scene.
 const SCENE: u64 = 2000;
@@ -22,7 +23,7 @@ pub(super) fn run() -> Result<Vec<Row>> {
 }
 
 /// Placement of a new scene, its settling and the first observation.
-fn reset(config: &Config, task: &'static Task, robot: &'static Robot) -> Result<Row> {
+fn reset(config: &Config, task: &'static Task, robot: &Arc<Robot>) -> Result<Row> {
     let mut env = SimEnvironment::new(task, robot, SCENE, &["front"], &config.simulator)?;
     let mut seed = SCENE;
     Ok(measure(format!("reset_rgbd_{}_{}", task.name, robot.name), || {

@@ -78,7 +78,7 @@ impl<'a> Session<'a> {
             seed: arguments.seed,
             cameras: arguments.cameras.iter().map(|&name| name.to_owned()).collect(),
         };
-        let environment = simulator(arguments.task, arguments.robot.robot, &run.cameras, &config)?;
+        let environment = simulator(arguments.task, &arguments.robot.robot, &run.cameras, &config)?;
         files::refuse_non_empty(&arguments.out)?;
         let demos = match &arguments.demo_dir {
             Some(directory) => {
@@ -92,7 +92,7 @@ impl<'a> Session<'a> {
             )?,
         };
         config.training.demonstrations = demos.len();
-        let text = config_toml(&config, &run, environment.robot().name, &demos)?;
+        let text = config_toml(&config, &run, &environment.robot().name, &demos)?;
         let mut trainer = Trainer::new(config, run, environment.clone())?;
         demonstrations::add(&mut trainer, &demos)?;
         run_directory::create(&arguments.out, &text)?;
@@ -110,7 +110,7 @@ impl<'a> Session<'a> {
         let header = lpr_core::checkpoint::read_header(&checkpoint.weights).map_err(unusable)?;
         refuse_other_run(arguments, &header.run).map_err(unusable)?;
         let environment =
-            simulator(arguments.task, arguments.robot.robot, &header.run.cameras, &header.config)?;
+            simulator(arguments.task, &arguments.robot.robot, &header.run.cameras, &header.config)?;
         let trainer = Trainer::resume(&checkpoint, environment.clone()).map_err(unusable)?;
         run_directory::clean(&arguments.out)?;
         let metrics = MetricsWriter::resume(&arguments.out, step)?;
