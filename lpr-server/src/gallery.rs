@@ -167,7 +167,8 @@ mod tests {
     #[test]
     fn the_page_lists_every_task_with_its_pictures() {
         let rows = TaskList::all().tasks.into_iter().zip(0..);
-        let entries: Vec<_> = rows.map(|(row, seed)| Entry { row, robot: "panda", seed }).collect();
+        let entries: Vec<_> =
+            rows.map(|(row, seed)| Entry { row, robot: "panda".to_owned(), seed }).collect();
         let page = page("shots", &entries);
         for task in TASKS {
             assert!(
@@ -188,7 +189,7 @@ mod tests {
             let directory = tempfile::tempdir().unwrap();
             let row = TaskList::all().tasks.remove(0);
             let entry = draw_task(directory.path(), TASKS[0], row, ROBOTS[0]).unwrap();
-            assert_eq!((entry.robot, entry.seed), (ROBOTS[0].name, 0));
+            assert_eq!((entry.robot, entry.seed), (ROBOTS[0].name.clone(), 0));
             ["png", "gif"].map(|extension| {
                 std::fs::read(directory.path().join(format!("{}.{extension}", TASKS[0].name)))
                     .unwrap()

@@ -7,6 +7,7 @@ mod dependencies;
 mod evaluation;
 mod events;
 mod interrupted;
+mod longer_arms;
 mod lpr;
 mod output;
 mod page;

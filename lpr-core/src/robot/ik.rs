@@ -32,6 +32,11 @@ const RARE_SAMPLES: usize = 512;
 const FINEST_SAMPLES: usize = 4096;
 
 impl Robot {
+    /// Whether the closed form serves the arm: seven joints by modified-DH rows.
+    pub(crate) fn has_closed_form(&self) -> bool {
+        closed_form::serves(self)
+    }
+
     /// All solutions with that last joint angle: at most eight, and none of an arm without a closed
     /// form.
     ///

@@ -102,9 +102,9 @@ impl ArmSpheres {
     /// The spheres of `robot`.
     #[must_use]
     pub fn new(robot: &Robot) -> Self {
-        let mut arm =
-            Self::from_description(&robot.described()).expect("a built-in arm has few links");
-        for link in arm.links.iter_mut().filter(|link| link.name == "hand") {
+        let mut arm = Self::from_description(robot).expect("an arm that is built in or was read");
+        let is_hand = |link: &&mut LinkSpheres| robot.gripper.is_some() && link.name == "hand";
+        for link in arm.links.iter_mut().filter(is_hand) {
             link.part = ArmPart::Hand;
         }
         arm

@@ -394,7 +394,9 @@ mod tests {
     use super::*;
     use lpr_core::robot::XARM7;
 
-    const LIMITS: SafetyLimits = SafetyLimits::learned_agent(&XARM7, 0.01);
+    fn limits() -> SafetyLimits {
+        SafetyLimits::learned_agent(&XARM7, 0.01)
+    }
 
     /// The arm at its start with `angle` more in joint `joint`, which counts from 1.
     fn with(joint: usize, angle: f32) -> JointConfig {
@@ -425,7 +427,7 @@ mod tests {
     #[test]
     fn a_path_that_keeps_every_rule_is_passed_on_as_it_is() {
         let points = step(1, 4e-3);
-        let checked = check(&points, &LIMITS).unwrap();
+        let checked = check(&points, &limits()).unwrap();
         assert_eq!(checked.points(), points);
         let margins = checked.margins();
         assert!((margins.joint_speed - 0.4).abs() < 1e-3, "{margins:?}");
@@ -435,14 +437,17 @@ mod tests {
 
     #[test]
     fn a_path_without_points_is_refused() {
-        assert_eq!(check(&[], &LIMITS), Err(SafetyError::Empty));
+        assert_eq!(check(&[], &limits()), Err(SafetyError::Empty));
     }
 
     #[test]
     fn an_angle_that_is_no_number_is_refused() {
         for angle in [f32::NAN, f32::INFINITY] {
             let points = [XARM7.start, with(3, angle)];
-            assert_eq!(check(&points, &LIMITS), Err(SafetyError::NotFinite { index: 1, joint: 3 }));
+            assert_eq!(
+                check(&points, &limits()),
+                Err(SafetyError::NotFinite { index: 1, joint: 3 })
+            );
         }
     }
 
@@ -450,7 +455,7 @@ mod tests {
     fn a_joint_near_its_limit_is_refused_with_its_number() {
         let mut near = XARM7.start;
         near[3] = XARM7.joints[3].upper - 0.03;
-        let refused = check(&[XARM7.start, near], &LIMITS);
+        let refused = check(&[XARM7.start, near], &limits());
         assert!(
             matches!(refused, Err(SafetyError::JointLimit { index: 1, joint: 4, .. })),
             "{refused:?}"
@@ -460,20 +465,20 @@ mod tests {
     #[test]
     fn an_arm_that_is_elsewhere_is_refused_with_the_joint() {
         let measured = with(2, 0.02);
-        let refused = check_path(vec![XARM7.start], &measured, &LIMITS).unwrap_err();
+        let refused = check_path(vec![XARM7.start], &measured, &limits()).unwrap_err();
         assert!(matches!(refused, SafetyError::Start { joint: 2, .. }), "{refused}");
-        assert!(check_path(vec![XARM7.start], &with(2, 0.008), &LIMITS).is_ok());
+        assert!(check_path(vec![XARM7.start], &with(2, 0.008), &limits()).is_ok());
         assert!(check_start(&XARM7.start, &with(1, f32::NAN), 1.0).is_err());
     }
 
     #[test]
     fn a_joint_that_is_too_fast_is_refused() {
-        let refused = check(&step(5, 15e-3), &LIMITS);
+        let refused = check(&step(5, 15e-3), &limits());
         assert!(
             matches!(refused, Err(SafetyError::JointSpeed { joint: 5, index: 11, .. })),
             "{refused:?}"
         );
-        let faster = SafetyLimits { max_joint_speed: 3.0, ..LIMITS };
+        let faster = SafetyLimits { max_joint_speed: 3.0, ..limits() };
         assert!(check(&step(5, 15e-3), &faster).is_ok());
     }
 
@@ -486,7 +491,7 @@ mod tests {
             (vec![XARM7.start, with(7, 1e-3), with(7, 2e-3), with(7, 3e-3)], usize::MAX),
             (vec![XARM7.start, with(7, 1e-3), with(7, 3e-3), with(7, 6e-3)], 3),
         ] {
-            match check(&points, &LIMITS) {
+            match check(&points, &limits()) {
                 Err(SafetyError::JointAcceleration { index, joint: 7, .. }) => {
                     assert_eq!(index, at)
                 }
@@ -497,10 +502,10 @@ mod tests {
 
     #[test]
     fn a_tool_that_is_too_fast_or_goes_too_far_is_refused() {
-        let shorter = SafetyLimits { max_tcp_step: 1e-3, ..LIMITS };
+        let shorter = SafetyLimits { max_tcp_step: 1e-3, ..limits() };
         let refused = check(&step(1, 4e-3), &shorter);
         assert!(matches!(refused, Err(SafetyError::TcpStep { .. })), "{refused:?}");
-        let slower = SafetyLimits { max_tcp_speed: 0.1, ..LIMITS };
+        let slower = SafetyLimits { max_tcp_speed: 0.1, ..limits() };
         let refused = check(&step(1, 4e-3), &slower);
         assert!(matches!(refused, Err(SafetyError::TcpSpeed { .. })), "{refused:?}");
     }
@@ -508,7 +513,7 @@ mod tests {
     #[test]
     fn a_grip_below_the_floor_is_refused_with_its_height() {
         let height = XARM7.grip_f64(&XARM7.start).translation.z;
-        let refused = check(&[XARM7.start], &SafetyLimits { floor: height + 0.01, ..LIMITS });
+        let refused = check(&[XARM7.start], &SafetyLimits { floor: height + 0.01, ..limits() });
         assert_eq!(refused, Err(SafetyError::Floor { index: 0, height, floor: height + 0.01 }));
     }
 }

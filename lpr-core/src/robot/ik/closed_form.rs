@@ -38,6 +38,11 @@ struct Revolute {
     upper: f32,
 }
 
+/// Whether the arm has a closed form.
+pub(super) fn serves(robot: &Robot) -> bool {
+    revolutes(robot).is_some()
+}
+
 /// The joints of an arm that has a closed form: seven, all by modified-DH rows.
 fn revolutes(robot: &Robot) -> Option<[Revolute; DOF]> {
     let mut joints = [Revolute { alpha: 0.0, a: 0.0, d: 0.0, lower: 0.0, upper: 0.0 }; DOF];

@@ -73,7 +73,7 @@ fn golden_requests() -> Vec<(Request, &'static str)> {
             hex(format!("0029 18 {joints} 920a863f 58a00b41 00002041")),
         ),
         (
-            Request::ServoJoints(target.map(Option::unwrap), pace),
+            Request::ServoJoints(JointConfig::new(target.map(Option::unwrap)), pace),
             hex(format!("0029 1d {joints} 920a863f 58a00b41 00000000")),
         ),
         (
