@@ -97,7 +97,7 @@ impl EpisodeFile {
         let world = environment.world();
         Ok(Self {
             version: EPISODE_VERSION,
-            robot: environment.robot().name.to_owned(),
+            robot: environment.robot().name.clone(),
             scene: world.spec().clone(),
             scene_seed,
             simulator: world.params().clone(),

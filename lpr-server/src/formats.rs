@@ -204,7 +204,7 @@ impl DemoFile {
         Self {
             version: DEMO_VERSION,
             source: DemoSource::Scripted,
-            robot: first.robot().name.to_owned(),
+            robot: first.robot().name.clone(),
             task: Some(first.spec().task.clone()),
             scene_seed: Some(scene_seed),
             control_dt,

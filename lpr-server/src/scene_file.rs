@@ -28,7 +28,7 @@ impl SceneFile {
         let world = environment.world();
         Self {
             version: SCENE_VERSION,
-            robot: world.robot().name.to_owned(),
+            robot: world.robot().name.clone(),
             scene: world.spec().clone(),
         }
     }

@@ -119,7 +119,7 @@ pub(super) fn write<E>(trainer: &Trainer<E>) -> Result<Vec<u8>> {
     }
     let header = WeightsHeader {
         version: VERSION,
-        robot: trainer.agent.robot().name.to_owned(),
+        robot: trainer.agent.robot().name.clone(),
         run: trainer.run.clone(),
         progress: trainer.progress,
         config: trainer.config.clone(),

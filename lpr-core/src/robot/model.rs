@@ -1,10 +1,7 @@
 //! An arm: its joints and links, and what else is known of it.
 
-use super::{
-    Error, GripperSpec, Joint, JointConfig, JointOrigin, JointRanges, Link, PANDA, Result, XARM7,
-};
+use super::{Error, GripperSpec, Joint, JointConfig, JointOrigin, JointRanges, Link, Result};
 use glamx::{DPose3, Vec2};
-use std::sync::{Arc, LazyLock};
 
 /// Number of joints of the built-in arms, and of every arm that learns.
 pub const DOF: usize = 7;
@@ -94,38 +91,7 @@ pub struct Robot {
     pub workspace_center: Option<Vec2>,
 }
 
-/// The built-in robots; the first is the default.
-///
-/// ```
-/// use lpr_core::robot::ROBOTS;
-///
-/// assert_eq!(ROBOTS.map(|robot| robot.name.as_str()), ["xarm7", "panda"]);
-/// assert!(ROBOTS.iter().all(|robot| robot.within_limits(&robot.start) && !robot.self_collides(&robot.start)));
-/// ```
-pub static ROBOTS: [&LazyLock<Arc<Robot>>; 2] = [&XARM7, &PANDA];
-
 impl Robot {
-    /// The built-in robot of that name.
-    ///
-    /// ```
-    /// use lpr_core::robot::Robot;
-    ///
-    /// assert_eq!(Robot::by_name("panda")?.gripper()?.max_width, 0.08);
-    /// assert_eq!(Robot::by_name("ur5").unwrap_err().to_string(), "robot: unknown robot 'ur5', known: xarm7, panda");
-    /// # Ok::<(), lpr_core::Error>(())
-    /// ```
-    ///
-    /// # Errors
-    ///
-    /// When there is none, naming those that exist.
-    pub fn by_name(name: &str) -> Result<Arc<Self>> {
-        let robot = ROBOTS.iter().find(|robot| robot.name == name);
-        robot.map(|robot| Arc::clone(robot)).ok_or_else(|| {
-            let known: Vec<_> = ROBOTS.iter().map(|robot| robot.name.as_str()).collect();
-            Error::Robot(format!("unknown robot '{name}', known: {}", known.join(", ")))
-        })
-    }
-
     /// The gripper.
     ///
     /// # Errors
@@ -220,7 +186,7 @@ pub(super) fn middle_of(joints: &[Joint]) -> JointConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::robot::{JointMotion, MAX_JOINTS};
+    use crate::robot::{JointMotion, MAX_JOINTS, PANDA, ROBOTS, XARM7};
     use core::f32::consts::FRAC_PI_2;
     use glamx::{DVec3, Pose3};
     use proptest::prelude::*;
@@ -293,15 +259,5 @@ mod tests {
         assert_eq!(error, "robot: crane: expected a gripper (pads and fingers), found none");
         let error = crane.workspace_center().unwrap_err().to_string();
         assert!(error.contains("crane: expected a workspace") && error.ends_with("found none"));
-    }
-
-    #[test]
-    fn unknown_robots_are_an_error_that_names_the_known_ones() {
-        assert_eq!(Robot::by_name("panda").map(|robot| robot.name.clone()), Ok("panda".to_owned()));
-        let error = Robot::by_name("ur5").expect_err("not built in").to_string();
-        assert!(
-            error.contains("ur5") && error.contains("xarm7") && error.contains("panda"),
-            "{error}"
-        );
     }
 }

@@ -27,7 +27,7 @@ impl Robot {
     /// assert!(arm.as_built_in().is_none());
     /// ```
     #[must_use]
-    pub fn as_built_in(&self) -> Option<Robot> {
+    pub fn as_built_in(&self) -> Option<Self> {
         if self.dof() != DOF || self.joints.iter().any(|joint| joint.motion == JointMotion::Slide) {
             return None;
         }
@@ -42,7 +42,7 @@ impl Robot {
         })
     }
 
-    fn with_limits_of(&self, robot: &Robot, flange_from_tip: DPose3) -> Robot {
+    fn with_limits_of(&self, robot: &Self, flange_from_tip: DPose3) -> Self {
         let joints = (0..DOF).map(|j| {
             let joint = &self.joints[j];
             Joint {
@@ -52,7 +52,7 @@ impl Robot {
                 ..robot.joints[j].clone()
             }
         });
-        Robot { joints: joints.collect(), flange_from_grip: flange_from_tip, ..robot.clone() }
+        Self { joints: joints.collect(), flange_from_grip: flange_from_tip, ..robot.clone() }
     }
 }
 
