@@ -1,15 +1,25 @@
-//! FNV-1a: tells damage, not malice. A single changed byte always changes it.
+//! FNV-1a, 64 bits: one digest for files, worlds and comparisons of two machines.
+//!
+//! It tells damage, not malice. A single changed byte always changes it.
+//!
+//! ```
+//! use lpr_core::digest;
+//!
+//! assert_eq!(digest::extend(digest::of(b"foo"), b"bar"), digest::of(b"foobar"));
+//! ```
 
 const OFFSET: u64 = 0xcbf2_9ce4_8422_2325;
 const PRIME: u64 = 0x0000_0100_0000_01b3;
 
 /// Digest of some bytes.
-pub(crate) fn of(bytes: &[u8]) -> u64 {
+#[must_use]
+pub fn of(bytes: &[u8]) -> u64 {
     extend(OFFSET, bytes)
 }
 
 /// Digest of bytes that follow those of `digest`.
-pub(crate) fn extend(digest: u64, bytes: &[u8]) -> u64 {
+#[must_use]
+pub fn extend(digest: u64, bytes: &[u8]) -> u64 {
     bytes.iter().fold(digest, |digest, &byte| (digest ^ u64::from(byte)).wrapping_mul(PRIME))
 }
 

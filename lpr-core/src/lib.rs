@@ -27,8 +27,7 @@ pub mod checkpoint;
 #[cfg(feature = "learn")]
 pub mod config;
 pub mod demo;
-#[cfg(any(feature = "learn", feature = "sim"))]
-mod digest;
+pub mod digest;
 pub mod env;
 pub mod error;
 #[cfg(feature = "learn")]

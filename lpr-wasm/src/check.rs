@@ -1,8 +1,8 @@
-//! What is compared between wasm and native code: the simulator's results, and its speed.
+//! Comparisons between wasm and native code: the simulator's results, and its speed.
 
-use core::hash::{Hash as _, Hasher as _};
 use lpr_core::agent::{Agent, Draws, Goal, Init, Method, Networks, PoseSource};
 use lpr_core::config::Config;
+use lpr_core::digest;
 use lpr_core::env::InvalidAction;
 use lpr_core::error::{Error, Result};
 use lpr_core::nn::Backend;
@@ -13,7 +13,6 @@ use lpr_core::rng::{Stream, stream};
 use lpr_core::robot::{Robot, XARM7};
 use lpr_core::sim::tasks::Task;
 use lpr_core::sim::{ArmSweep, SimEnvironment, SimParams, World, demonstrate};
-use std::hash::DefaultHasher;
 
 /// The hash of the world, 16 hexadecimal digits, after the whole scripted demonstration in scene
 /// `seed`, done or not.
@@ -103,19 +102,15 @@ impl CandidatesBench {
     pub fn run(&self, step: u64) -> Result<String> {
         let draws = Draws::greedy(CandidateStreams { seed: 0, step });
         let action = self.agent.act(Goal::given(self.observation.clone(), self.goal), draws)?;
-        let mut hasher = DefaultHasher::new();
+        let mut hash = digest::of(&[]);
         for candidate in &action.set.candidates {
             if matches!(candidate.source, Source::Planner | Source::Bezier) {
-                candidate.collides.hash(&mut hasher);
-                candidate
-                    .path
-                    .configs()
-                    .iter()
-                    .flat_map(|config| config.iter())
-                    .for_each(|q| q.to_bits().hash(&mut hasher));
+                hash = digest::extend(hash, &[u8::from(candidate.collides)]);
+                let angles = candidate.path.configs().iter().flat_map(|config| config.iter());
+                hash = angles.fold(hash, |hash, q| digest::extend(hash, &q.to_le_bytes()));
             }
         }
-        Ok(format!("{:016x}", hasher.finish()))
+        Ok(format!("{hash:016x}"))
     }
 }
 
