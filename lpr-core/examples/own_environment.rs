@@ -21,6 +21,7 @@ use lpr_core::rng::{Stream, stream};
 use lpr_core::robot::{Gripper, PANDA, Robot};
 use lpr_core::train::{Run, Trainer, default_cameras, demonstration_scene};
 use rand::RngExt as _;
+use std::sync::Arc;
 
 /// Least height of the grip's way above the straight line, metres.
 const HURDLE: f32 = 0.04;
@@ -35,7 +36,7 @@ struct Hurdle {
 }
 
 impl Environment for Hurdle {
-    fn robot(&self) -> &'static Robot {
+    fn robot(&self) -> &Arc<Robot> {
         &PANDA
     }
 

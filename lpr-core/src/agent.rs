@@ -37,6 +37,7 @@ use crate::rng::{Stream, stream};
 use crate::robot::Robot;
 use crate::scene::{ArmSpheres, Held, MotionChecker, Scene, observed_obstacles};
 use exploration::uniform;
+use std::sync::Arc;
 
 /// Opening of a closed gripper above which it holds something, metres: closed on nothing, the pads
 /// meet.
@@ -45,7 +46,7 @@ const HELD_WIDTH: f32 = 0.002;
 /// The agent of Algorithm 1: networks, and the settings of everything around them.
 #[derive(Debug)]
 pub struct Agent {
-    robot: &'static Robot,
+    robot: Arc<Robot>,
     method: Method,
     settings: AgentSettings,
     /// The networks; the learner changes them.
@@ -68,13 +69,13 @@ pub struct AgentSettings {
 impl Agent {
     /// An agent with those networks.
     #[must_use]
-    pub const fn new(
+    pub fn new(
         settings: AgentSettings,
-        robot: &'static Robot,
+        robot: &Arc<Robot>,
         method: Method,
         networks: Networks,
     ) -> Self {
-        Self { robot, method, settings, networks }
+        Self { robot: Arc::clone(robot), method, settings, networks }
     }
 
     /// Algorithm 1, lines 6–12: one decision in `environment`.
@@ -122,7 +123,7 @@ impl Agent {
         let Goal { pose, observation: Observation { proprio, .. }, .. } = &goal;
         let scene = self.obstacles(&goal.observation, pose);
         let query =
-            PathQuery { robot: self.robot, start: proprio.joints, goal: pose.pose, scene: &scene };
+            PathQuery { robot: &self.robot, start: proprio.joints, goal: pose.pose, scene: &scene };
         let set = match self.method {
             // The baselines have one candidate.
             Method::C2fArm => single(
@@ -220,7 +221,7 @@ impl Agent {
     }
 
     fn observed(&self, observation: &Observation) -> QObservation {
-        let bounds = VoxelBounds::scene(self.robot);
+        let bounds = VoxelBounds::scene(&self.robot);
         QObservation::new(observation, bounds, self.settings.cloud_spacing)
     }
 
@@ -228,7 +229,7 @@ impl Agent {
     #[must_use]
     pub fn obstacles(&self, observation: &Observation, goal: &NextBestPose) -> Scene {
         let holding = if is_holding(&observation.proprio) { Held::Object } else { Held::Nothing };
-        observed_obstacles(self.robot, observation, Some(&goal.pose), holding)
+        observed_obstacles(&self.robot, observation, Some(&goal.pose), holding)
     }
 
     /// A path that was not drawn here, a demonstrated one, as the ranker sees it.
@@ -236,7 +237,7 @@ impl Agent {
     pub fn ranked(&self, path: &JointPath, scene: &Scene) -> RankedPath {
         let settings = self.candidate_settings();
         let path = path.resample(settings.path_len);
-        let arm = ArmSpheres::new(self.robot);
+        let arm = ArmSpheres::new(&self.robot);
         let checker = MotionChecker::new(scene, &arm, settings.rrt.checks_per_radian);
         let collides = !checker.path_is_free(path.configs());
         RankedPath { path, collides }
@@ -298,8 +299,8 @@ impl Agent {
 
     /// The arm that it moves.
     #[must_use]
-    pub const fn robot(&self) -> &'static Robot {
-        self.robot
+    pub const fn robot(&self) -> &Arc<Robot> {
+        &self.robot
     }
 
     /// Settings of its candidate paths.

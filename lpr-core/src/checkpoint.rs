@@ -47,7 +47,7 @@ impl<E: Environment> Trainer<E> {
     /// the world does not repeat the episode that was under way.
     pub fn resume(checkpoint: &Checkpoint, environment: E) -> Result<Self> {
         let SavedAgent { header, agent } = load_agent(&checkpoint.weights)?;
-        let robot = environment.robot().name;
+        let robot = environment.robot().name.clone();
         if header.robot != robot {
             return Err(Error::Checkpoint(format!(
                 "of the robot `{}`, the world has `{robot}`",

@@ -8,6 +8,7 @@ use crate::perception::Observation;
 use crate::q_attention::NextBestPose;
 use crate::robot::{Gripper, Robot};
 use core::fmt;
+use std::sync::Arc;
 
 /// Macro actions of one episode at most.
 pub const EPISODE_LENGTH: usize = 10;
@@ -23,7 +24,7 @@ pub const EPISODE_LENGTH: usize = 10;
 /// a new episode, or stop with a checkpoint.
 pub trait Environment {
     /// The arm.
-    fn robot(&self) -> &'static Robot;
+    fn robot(&self) -> &Arc<Robot>;
 
     /// Starts the episode of scene `seed`.
     ///

@@ -4,7 +4,7 @@
 pub(crate) mod golden;
 
 use crate::q_attention::NextBestPose;
-use crate::robot::{DOF, Gripper, JointConfig, Robot};
+use crate::robot::{DOF, Gripper, Joint, JointConfig, Robot};
 
 use glamx::{Mat3, Pose3};
 
@@ -23,14 +23,19 @@ pub(crate) struct JointScale {
 impl JointScale {
     pub(crate) fn new(robot: &Robot) -> Self {
         Self {
-            center: robot.joints.map(|joint| 0.5 * (joint.lower + joint.upper)),
-            half_range: robot.joints.map(|joint| 0.5 * (joint.upper - joint.lower)),
+            center: of_joints(robot, |joint| 0.5 * (joint.lower + joint.upper)),
+            half_range: of_joints(robot, |joint| 0.5 * (joint.upper - joint.lower)),
         }
     }
 
     pub(crate) fn apply(&self, config: &JointConfig) -> [f32; DOF] {
         core::array::from_fn(|j| (config[j] - self.center[j]) / self.half_range[j])
     }
+}
+
+/// A number of each joint of a seven-joint arm.
+fn of_joints(robot: &Robot, f: impl Fn(&Joint) -> f32) -> [f32; DOF] {
+    core::array::from_fn(|j| f(&robot.joints[j]))
 }
 
 /// Position in metres and orientation as two columns of its matrix: continuous, unlike quaternions
@@ -63,9 +68,10 @@ mod tests {
     fn joint_limits_become_one() {
         let scale = JointScale::new(&PANDA);
         let at = |fraction: f32| {
-            scale.apply(&JointConfig(
-                PANDA.joints.map(|joint| joint.lower + fraction * (joint.upper - joint.lower)),
-            ))
+            scale.apply(&JointConfig::from_fn(DOF, |j| {
+                let joint = &PANDA.joints[j];
+                joint.lower + fraction * (joint.upper - joint.lower)
+            }))
         };
         for (fraction, expected) in [(0.0, -1.0), (0.5, 0.0), (0.75, 0.5), (1.0, 1.0)] {
             assert!(

@@ -9,6 +9,7 @@ use crate::q_attention::{NetworkCost, QAttention, QAttentionSettings};
 use crate::ranker::{Ranker, RankerSettings};
 use crate::rng::{Stream, stream};
 use crate::robot::Robot;
+use std::sync::Arc;
 
 /// The networks of an agent; those that its method does not use are not built.
 #[derive(Debug)]
@@ -49,7 +50,7 @@ impl Networks {
     /// When settings cannot work.
     pub fn new(
         settings: NetworksSettings<'_>,
-        robot: &'static Robot,
+        robot: &Arc<Robot>,
         method: Method,
         poses: PoseSource,
         init: Init,

@@ -145,7 +145,7 @@ impl Policy {
                     _ if idx + 1 == n_configs => *goal_config,
                     _ => {
                         let line = start.lerp(goal_config, fraction(idx, n_configs));
-                        JointConfig(core::array::from_fn(|j| line[j] + bump * output[j]))
+                        JointConfig::from_fn(DOF, |j| line[j] + bump * output[j])
                     }
                 }
             });
@@ -275,13 +275,13 @@ mod tests {
 
     /// An arc of `n` configurations around the straight line.
     fn arc(n: usize) -> JointPath {
-        let end = JointConfig(PANDA.start.map(|q| q - 0.4));
+        let end = PANDA.start.map(|q| q - 0.4);
         let configs = (0..n).map(|idx| {
             let s = idx as f32 / (n - 1) as f32;
             let line = PANDA.start.lerp(&end, s);
-            JointConfig(core::array::from_fn(|j| {
+            JointConfig::from_fn(DOF, |j| {
                 line[j] + 0.3 * (core::f32::consts::PI * s).sin() * (j as f32 - 3.0) / 3.0
-            }))
+            })
         });
         JointPath::new(configs.collect()).expect("several configurations")
     }
@@ -295,7 +295,7 @@ mod tests {
 
     #[test]
     fn the_untrained_policy_proposes_the_straight_line() {
-        let end = JointConfig(PANDA.start.map(|q| q + 0.3));
+        let end = PANDA.start.map(|q| q + 0.3);
         let path = policy(1).path(&PANDA.start, &end, &goal(), 9).expect("a path");
         for (idx, config) in path.configs().iter().enumerate() {
             assert!(config.max_joint_distance(&PANDA.start.lerp(&end, idx as f32 / 8.0)) < 1e-6);
@@ -396,7 +396,7 @@ mod tests {
             let found =
                 policy.path(path.start(), path.goal(), goal, case.path.len()).expect("a path");
             for (found, expected) in found.configs().iter().zip(&case.path) {
-                assert_close("path", &found.0, &expected.0, 1e-5);
+                assert_close("path", found, expected, 1e-5);
             }
             let samples: Vec<_> = owned.iter().zip(&case.batch).collect();
             let batch: Vec<_> = samples

@@ -33,6 +33,7 @@ use crate::q_attention::{NetworkCost, NextBestPose};
 use crate::rng::Rng;
 use crate::robot::Robot;
 use network::{Encoding, RankerNetwork};
+use std::sync::Arc;
 
 use burn::module::Module as _;
 use burn::tensor::{Device, Tensor};
@@ -175,7 +176,7 @@ impl Ranker {
     /// [`Error::Config`] when a layer has no outputs, or a factor lies outside 0 to 1.
     pub fn new(
         settings: &RankerSettings,
-        robot: &'static Robot,
+        robot: &Arc<Robot>,
         backend: Backend,
         rng: &mut Rng,
     ) -> Result<Self> {
@@ -183,8 +184,11 @@ impl Ranker {
         let device = backend.device();
         let online = RankerNetwork::new(settings, &device, rng);
         let (target, adam) = (online.clone(), Adam::new(settings.adam, &online));
-        let encoding =
-            Encoding { input: settings.input, joint_scale: JointScale::new(robot), robot };
+        let encoding = Encoding {
+            input: settings.input,
+            joint_scale: JointScale::new(robot),
+            robot: Arc::clone(robot),
+        };
         Ok(Self { settings: settings.clone(), encoding, device, online, target, adam })
     }
 
@@ -320,7 +324,7 @@ mod tests {
     use super::*;
     use crate::nn::GradientClip;
     use crate::rng::{Stream, stream};
-    use crate::robot::{Gripper, JointConfig, PANDA};
+    use crate::robot::{Gripper, PANDA};
 
     use glamx::{Pose3, Quat, Vec3};
     use rand::RngExt as _;
@@ -355,10 +359,10 @@ mod tests {
     /// A path of eight configurations from the start to a fixed goal, bent by `bend` radians at
     /// every joint.
     fn bent_path(bend: f32) -> RankedPath {
-        let goal = JointConfig(PANDA.start.map(|q| q + 0.5));
+        let goal = PANDA.start.map(|q| q + 0.5);
         let configs = (0..8).map(|idx| {
             let s = idx as f32 / 7.0;
-            JointConfig(PANDA.start.lerp(&goal, s).map(|q| q + 4.0 * s * (1.0 - s) * bend))
+            PANDA.start.lerp(&goal, s).map(|q| q + 4.0 * s * (1.0 - s) * bend)
         });
         RankedPath {
             path: JointPath::new(configs.collect()).expect("eight configurations"),

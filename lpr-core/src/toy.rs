@@ -11,9 +11,10 @@ use crate::perception::{Camera, Observation, Proprio, View, time_feature};
 use crate::q_attention::NextBestPose;
 use crate::rng::{Rng, Stream, stream};
 use crate::robot::{Gripper, JointConfig, Robot};
+use std::sync::Arc;
 
 use core::f32::consts::PI;
-use glamx::{Pose3, Quat, Vec3};
+use glamx::{Pose3, Quat, Vec2, Vec3};
 use rand::RngExt as _;
 
 /// Least distance from the straight line along [`SIDE`] that the second path has to reach, metres.
@@ -57,7 +58,9 @@ const KNOB_POINTS: usize = 4;
 /// ```
 #[derive(Debug, Clone)]
 pub struct Toy {
-    robot: &'static Robot,
+    robot: Arc<Robot>,
+    max_width: f32,
+    center: Vec2,
     knob: Vec3,
     joints: JointConfig,
     gripper: Gripper,
@@ -65,15 +68,20 @@ pub struct Toy {
     n_steps: usize,
 }
 
+/// Width that the toy opens to with an arm whose gripper is not known, metres.
+const DEFAULT_WIDTH: f32 = 0.08;
+
 impl Toy {
     /// Number of keyframes.
     pub const KEYFRAMES: usize = 2;
 
     /// The world before its first episode.
     #[must_use]
-    pub fn new(robot: &'static Robot) -> Self {
+    pub fn new(robot: &Arc<Robot>) -> Self {
         Self {
-            robot,
+            robot: Arc::clone(robot),
+            max_width: robot.gripper.map_or(DEFAULT_WIDTH, |gripper| gripper.max_width),
+            center: robot.workspace_center.unwrap_or_default(),
             knob: Vec3::ZERO,
             joints: robot.start,
             gripper: Gripper::Open,
@@ -89,13 +97,13 @@ impl Toy {
         let bow = SIDE * rng.random_range(2.5 * BOW..4.0 * BOW);
         let curve =
             BezierCurve::new(&start, 0.5 * (start.translation + goal.translation) + bow, &goal);
-        curve.to_joints(self.robot, &self.joints).ok()
+        curve.to_joints(&self.robot, &self.joints).ok()
     }
 
     /// The report of camera and arm now; a toy never fails.
     #[must_use]
     pub fn observe(&mut self) -> Observation {
-        let eye = self.robot.workspace_center.extend(1.0);
+        let eye = self.center.extend(1.0);
         let camera = Camera::looking("toy", eye, -Vec3::Z, 1.0)
             .with_size(KNOB_POINTS * KNOB_POINTS, KNOB_POINTS);
         let mut view = View::empty(camera);
@@ -108,13 +116,13 @@ impl Toy {
                 (point, [200, 30, 30], eye.z - point.z);
         }
         let gripper_width = match self.gripper {
-            Gripper::Open => self.robot.gripper.max_width,
+            Gripper::Open => self.max_width,
             Gripper::Close => 0.0,
         };
         let proprio = Proprio {
             joints: self.joints,
             gripper_width,
-            gripper_open: Proprio::openness(gripper_width, self.robot.gripper.max_width),
+            gripper_open: Proprio::openness(gripper_width, self.max_width),
             finger_positions: [0.5 * gripper_width; 2],
             grip: self.robot.grip(&self.joints),
             time: time_feature(self.n_steps, EPISODE_LENGTH),
@@ -188,16 +196,16 @@ impl Toy {
 }
 
 impl Environment for Toy {
-    fn robot(&self) -> &'static Robot {
-        self.robot
+    fn robot(&self) -> &Arc<Robot> {
+        &self.robot
     }
 
     fn reset(&mut self, seed: u64) -> Result<()> {
         let rng = &mut stream(seed, Stream::Placement, 0);
-        let center = self.robot.workspace_center;
+        let center = self.center;
         let offset = [0; 2].map(|_| rng.random_range(-SPREAD..SPREAD));
         let knob = Vec3::new(center.x + offset[0], center.y + offset[1], HEIGHT);
-        *self = Self { knob, ..Self::new(self.robot) };
+        *self = Self { knob, ..Self::new(&self.robot) };
         let is_reached =
             |keyframe| self.robot.ik_nearest(&self.goal(keyframe).pose, &self.joints).is_some();
         if !(0..Self::KEYFRAMES).all(is_reached) {
@@ -296,8 +304,8 @@ mod tests {
             let result = toy.step(&still, Gripper::Open);
             assert_eq!((result.truncated, result.terminated), (step == EPISODE_LENGTH, false));
         }
-        let elsewhere = JointPath::new(vec![JointConfig(toy.joints.map(|q| q + 0.1)); 2])
-            .expect("two configurations");
+        let elsewhere =
+            JointPath::new(vec![toy.joints.map(|q| q + 0.1); 2]).expect("two configurations");
         assert_eq!(toy.step(&elsewhere, Gripper::Open).invalid, Some(InvalidAction::StartMismatch));
     }
 }

@@ -8,6 +8,7 @@ use lpr_core::env::Environment as _;
 use lpr_core::robot::Robot;
 use lpr_core::sim::World;
 use lpr_core::sim::render::{Picture, value_color};
+use std::sync::Arc;
 
 /// Time that the candidates of a step are shown, milliseconds.
 const CANDIDATES_MS: u32 = 2000;
@@ -57,7 +58,7 @@ impl ValueScale {
 /// When the scene cannot be built or drawn.
 pub fn episode(episode: &EpisodeFile, artist: &mut Artist<'_>) -> Result<Vec<Shown>> {
     let mut environment = episode.start()?;
-    let robot = environment.robot();
+    let robot = &Arc::clone(environment.robot());
     let mut shown = Vec::new();
     for (idx, step) in episode.steps.iter().enumerate() {
         let title = format!("step {} of {}", idx + 1, episode.steps.len());

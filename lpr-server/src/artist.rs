@@ -168,7 +168,7 @@ fn beauty(name: &str, [x, y]: [f32; 2], robot: &Robot) -> Camera {
     /// Distance of the workspace's centre from the base for which the numbers below are, metres:
     /// the xArm7's.
     const REACH: f32 = 0.38;
-    let center = robot.workspace_center.extend(0.0);
+    let center = robot.workspace_center.unwrap_or_default().extend(0.0);
     // Half of it: a larger arm may fill more of the picture.
     let scale = 0.5 + 0.5 * center.x / REACH;
     let position = center + scale * Vec3::new(x, y, 0.95);

@@ -12,6 +12,7 @@ use lpr_core::robot::{Gripper, JointConfig, Robot};
 use lpr_core::sim::{SceneSpec, SimEnvironment, SimParams, World};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+use std::sync::Arc;
 
 /// Version of [`EpisodeFile`].
 pub const EPISODE_VERSION: u32 = 1;
@@ -96,7 +97,7 @@ impl EpisodeFile {
         let world = environment.world();
         Ok(Self {
             version: EPISODE_VERSION,
-            robot: environment.robot().name.to_owned(),
+            robot: environment.robot().name.clone(),
             scene: world.spec().clone(),
             scene_seed,
             simulator: world.params().clone(),
@@ -175,7 +176,7 @@ impl EpisodeFile {
     /// # Errors
     ///
     /// When there is none of that name.
-    pub fn robot(&self) -> lpr_core::Result<&'static Robot> {
+    pub fn robot(&self) -> lpr_core::Result<Arc<Robot>> {
         Robot::by_name(&self.robot)
     }
 
@@ -186,7 +187,7 @@ impl EpisodeFile {
     /// When the scene cannot be built.
     pub fn start(&self) -> lpr_core::Result<SimEnvironment> {
         let mut environment =
-            SimEnvironment::in_scene(self.scene.clone(), self.robot()?, &self.simulator)?;
+            SimEnvironment::in_scene(self.scene.clone(), &self.robot()?, &self.simulator)?;
         environment.set_timing(self.timing.clone());
         Ok(environment)
     }

@@ -207,7 +207,7 @@ impl DemoFile {
         Self {
             version: DEMO_VERSION,
             source: DemoSource::Scripted,
-            robot: first.robot().name.to_owned(),
+            robot: first.robot().name.clone(),
             task: Some(first.spec().task.clone()),
             scene_seed: Some(scene_seed),
             control_dt,
@@ -230,7 +230,7 @@ impl DemoFrameJson {
         Self {
             q,
             qd: core::array::from_fn(|joint| (next.config()[joint] - q[joint]) / control_dt),
-            gripper_open: Proprio::openness(width, world.robot().gripper.max_width) > 0.5,
+            gripper_open: Proprio::openness(width, world.gripper_spec().max_width) > 0.5,
             gripper_width: width,
         }
     }

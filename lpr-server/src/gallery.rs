@@ -34,7 +34,7 @@ pub struct Entry {
     /// The task.
     pub row: TaskRow,
     /// Name of the arm that does it.
-    pub robot: &'static str,
+    pub robot: String,
     /// Seed of the scene.
     pub seed: u64,
 }
@@ -72,7 +72,7 @@ fn draw_task(
     directory: &Path,
     task: &Arc<Task>,
     row: TaskRow,
-    robot: &'static Robot,
+    robot: &Arc<Robot>,
 ) -> Result<Entry, GalleryError> {
     let (seed, demo) = demonstration(task, robot)?;
     let camera = view_of(grasp_direction(&demo));
@@ -86,13 +86,13 @@ fn draw_task(
         ANIMATION.height,
         &animation(&demo, camera)?,
     )?;
-    Ok(Entry { row, robot: robot.name, seed })
+    Ok(Entry { row, robot: robot.name.clone(), seed })
 }
 
 /// The first demonstration that succeeds, with the seed of its scene.
 fn demonstration(
     task: &Arc<Task>,
-    robot: &'static Robot,
+    robot: &Arc<Robot>,
 ) -> Result<(u64, Demonstration), GalleryError> {
     for seed in 0..MAX_SEEDS {
         let mut environment =
@@ -167,7 +167,8 @@ mod tests {
     #[test]
     fn the_page_lists_every_task_with_its_pictures() {
         let rows = TaskList::all().tasks.into_iter().zip(0..);
-        let entries: Vec<_> = rows.map(|(row, seed)| Entry { row, robot: "panda", seed }).collect();
+        let entries: Vec<_> =
+            rows.map(|(row, seed)| Entry { row, robot: "panda".to_owned(), seed }).collect();
         let page = page("shots", &entries);
         for task in TASKS.iter() {
             assert!(
@@ -188,7 +189,7 @@ mod tests {
             let directory = tempfile::tempdir().unwrap();
             let row = TaskList::all().tasks.remove(0);
             let entry = draw_task(directory.path(), &TASKS[0], row, ROBOTS[0]).unwrap();
-            assert_eq!((entry.robot, entry.seed), (ROBOTS[0].name, 0));
+            assert_eq!((entry.robot, entry.seed), (ROBOTS[0].name.clone(), 0));
             ["png", "gif"].map(|extension| {
                 std::fs::read(directory.path().join(format!("{}.{extension}", TASKS[0].name)))
                     .unwrap()

@@ -28,7 +28,7 @@ impl SceneFile {
         let world = environment.world();
         Self {
             version: SCENE_VERSION,
-            robot: world.robot().name.to_owned(),
+            robot: world.robot().name.clone(),
             scene: world.spec().clone(),
         }
     }
@@ -65,7 +65,7 @@ impl SceneFile {
     pub fn start(&self) -> lpr_core::Result<SimEnvironment> {
         SimEnvironment::in_scene(
             self.scene.clone(),
-            Robot::by_name(&self.robot)?,
+            &Robot::by_name(&self.robot)?,
             &SimParams::STANDARD,
         )
     }
@@ -80,7 +80,7 @@ mod tests {
     use serde_json::{Value, json};
     use std::sync::Arc;
 
-    fn scene(task: &Arc<Task>, robot: &'static Robot) -> SimEnvironment {
+    fn scene(task: &Arc<Task>, robot: &Arc<Robot>) -> SimEnvironment {
         SimEnvironment::new(task, robot, 3, &["front"], &SimParams::STANDARD).unwrap()
     }
 

@@ -23,7 +23,7 @@ use lpr_core::sim::{ArmSweep, SimEnvironment, SimParams, World, demonstrate};
 pub fn demonstration_hash(task: &str, robot: &str, seed: u64) -> Result<String> {
     let (task, robot) = (Task::by_name(task)?, Robot::by_name(robot)?);
     let mut environment =
-        SimEnvironment::new(&task, robot, seed, &["front"], &SimParams::STANDARD)?;
+        SimEnvironment::new(&task, &robot, seed, &["front"], &SimParams::STANDARD)?;
     let _ = demonstrate(&mut environment, &mut stream(seed, Stream::Demo, 0));
     Ok(hash(environment.world()))
 }

@@ -13,6 +13,7 @@ use lpr_core::scene::{
     ArmSpheres, MotionChecker, POINT_RADIUS, Primitive, Scene, Shape, VOXEL, downsample,
 };
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// Numbers of the candidate set, those of the preset `fast`; a plan goes to as many configurations
 /// as it has planner paths.
@@ -141,7 +142,7 @@ pub struct Candidates {
 /// An arm among obstacles.
 #[derive(Debug)]
 pub struct Planner {
-    robot: &'static Robot,
+    robot: Arc<Robot>,
     arm: ArmSpheres,
     scene: Scene,
 }
@@ -171,11 +172,11 @@ impl Planner {
         });
         let scene = Scene::from_primitives(solids.collect::<Result<_>>()?);
         let scene = scene.with_points(&downsample(&obstacles.points, VOXEL), POINT_RADIUS);
-        Ok(Self { robot, arm: ArmSpheres::new(robot), scene })
+        Ok(Self { arm: ArmSpheres::new(&robot), robot, scene })
     }
 
-    pub(crate) const fn robot(&self) -> &'static Robot {
-        self.robot
+    pub(crate) const fn robot(&self) -> &Arc<Robot> {
+        &self.robot
     }
 
     /// Checker of motions, at that many configurations for each radian.
@@ -211,7 +212,7 @@ impl Planner {
             Ok(plan) => plan,
             Err(reason) => return Ok(Outcome::Rejected(reason.name())),
         };
-        let timed = TimedPath::new(simplify(&plan.path, &checker), self.robot, &TIMING)?;
+        let timed = TimedPath::new(simplify(&plan.path, &checker), &self.robot, &TIMING)?;
         let (path, length) = (timed.path().configs().to_vec(), timed.path().length());
         Ok(Outcome::Found(FoundPath {
             path,
@@ -228,7 +229,7 @@ impl Planner {
     /// When start or goal are no numbers.
     pub fn candidates(&self, request: &Request) -> Result<Candidates> {
         let (start, goal) = (request.start()?, request.goal()?);
-        let query = PathQuery { robot: self.robot, start, goal, scene: &self.scene };
+        let query = PathQuery { robot: &self.robot, start, goal, scene: &self.scene };
         let set = candidates(
             &query,
             &CANDIDATES,

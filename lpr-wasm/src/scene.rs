@@ -16,7 +16,7 @@ pub struct SceneView {
     /// The task in words.
     pub description: String,
     /// Name of the robot.
-    pub robot: &'static str,
+    pub robot: String,
     /// Name of the agent's method.
     pub method: &'static str,
     /// Seed of the scene.
@@ -58,7 +58,7 @@ impl SceneView {
         Self {
             task: environment.task().name.clone(),
             description: environment.task().describe(environment.variation()),
-            robot: environment.robot().name,
+            robot: environment.robot().name.clone(),
             method: agent.method().name(),
             seed,
             items: scene.chain(robot).collect(),

@@ -55,8 +55,12 @@ impl TrajectoryRequest {
             return Err(Error::Config(format!("speed: above 0 to 1, got {}", self.speed)));
         }
         Ok(MotionLimits {
-            velocity: robot.joints.map(|joint| self.speed * f64::from(joint.max_velocity)),
-            acceleration: robot.joints.map(|joint| self.speed * f64::from(joint.max_acceleration)),
+            velocity: core::array::from_fn(|j| {
+                self.speed * f64::from(robot.joints[j].max_velocity)
+            }),
+            acceleration: core::array::from_fn(|j| {
+                self.speed * f64::from(robot.joints[j].max_acceleration)
+            }),
             jerk: self.max_jerk.map(|jerk| [jerk; DOF]),
         })
     }
@@ -107,7 +111,7 @@ impl Planner {
                 .angles_at(curve.chord_length() * f64::from(step) / n_steps)
                 .map(|angle| angle as f32)
         };
-        let configs: Vec<_> = (0..=n_steps as u32).map(|step| JointConfig(at(step))).collect();
+        let configs: Vec<_> = (0..=n_steps as u32).map(|step| JointConfig::new(at(step))).collect();
         !self.checker(CHECKS_PER_RADIAN as f32).path_is_free(&configs)
     }
 }
@@ -121,7 +125,7 @@ mod tests {
     use lpr_core::scene::Shape;
 
     fn turned(turn: f32) -> JointConfig {
-        JointConfig(core::array::from_fn(|j| XARM7.start[j] + if j == 0 { turn } else { 0.0 }))
+        JointConfig::from_fn(DOF, |j| XARM7.start[j] + if j == 0 { turn } else { 0.0 })
     }
 
     fn request() -> TrajectoryRequest {

@@ -10,6 +10,7 @@ mod evaluation;
 mod events;
 mod imports;
 mod interrupted;
+mod longer_arms;
 mod lpr;
 mod old_files;
 mod output;

@@ -18,7 +18,10 @@ const PAGE: &str = "www/src/wasm/lpr_wasm_bg.wasm";
 
 /// Task and robot of every demonstration.
 fn scenes() -> Vec<(&'static str, &'static str)> {
-    TASKS.iter().flat_map(|task| ROBOTS.map(|robot| (task.name.as_str(), robot.name))).collect()
+    TASKS
+        .iter()
+        .flat_map(|task| ROBOTS.map(|robot| (task.name.as_str(), robot.name.as_str())))
+        .collect()
 }
 
 fn native_hashes(n_threads: usize) -> Vec<String> {

@@ -135,7 +135,7 @@ fn floats(value: &Value) -> Vec<f64> {
 
 fn config(value: &Value) -> JointConfig {
     let angles: Vec<f32> = floats(value).into_iter().map(|angle| angle as f32).collect();
-    JointConfig(angles.try_into().unwrap_or_else(|angles| panic!("{angles:?}")))
+    JointConfig::new::<7>(angles.try_into().unwrap_or_else(|angles| panic!("{angles:?}")))
 }
 
 #[track_caller]
@@ -233,7 +233,7 @@ fn without_execute_nothing_is_sent_that_enables_or_moves() {
         report["n_candidates"].as_u64().unwrap() > 0 && report["value"].is_number(),
         "{report:#}"
     );
-    assert_near(&report["path"][0], &XARM7.start.0.map(f64::from), 1e-6);
+    assert_near(&report["path"][0], &XARM7.start.to_array::<7>().map(f64::from), 1e-6);
     let registers = emulated.registers();
     assert!(registers.iter().all(|register| HARMLESS.contains(register)), "{registers:?}");
 }
@@ -257,7 +257,7 @@ fn the_vendors_sdk_sees_the_arm_follow_the_chosen_path() {
     assert_eq!(emulated.n_points(), report["n_points"].as_u64().unwrap() as usize);
     let path =
         JointPath::new(report["path"].as_array().unwrap().iter().map(config).collect()).unwrap();
-    assert_near(&seen["final"][1], &path.goal().0.map(f64::from), 1e-4);
+    assert_near(&seen["final"][1], &path.goal().to_array::<DOF>().map(f64::from), 1e-4);
     assert_eq!((&seen["mode"], &seen["codes"]), (&Value::from(0), &serde_json::json!([0, [0, 0]])));
     let states = seen["states"].as_array().unwrap();
     assert!(states.contains(&1.into()), "it was never seen moving: {states:?}");

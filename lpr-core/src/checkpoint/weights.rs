@@ -73,7 +73,7 @@ pub fn load_agent(weights: &[u8]) -> Result<SavedAgent> {
     // Fresh weights, for their shapes: each is overwritten below, or a tensor is missing.
     let mut networks = Networks::new(
         header.config.network_settings(),
-        robot,
+        &robot,
         method,
         poses,
         Init { backend, seed },
@@ -105,7 +105,7 @@ pub fn load_agent(weights: &[u8]) -> Result<SavedAgent> {
             tensor.name
         )));
     }
-    let agent = Agent::new(header.config.agent_settings(), robot, method, networks);
+    let agent = Agent::new(header.config.agent_settings(), &robot, method, networks);
     Ok(SavedAgent { header, agent })
 }
 
@@ -128,7 +128,7 @@ pub(super) fn write<E>(trainer: &Trainer<E>) -> Result<Vec<u8>> {
     }
     let header = WeightsHeader {
         version: VERSION,
-        robot: trainer.agent.robot().name.to_owned(),
+        robot: trainer.agent.robot().name.clone(),
         run: trainer.run.clone(),
         progress: trainer.progress,
         config: trainer.config.clone(),

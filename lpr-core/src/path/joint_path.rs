@@ -11,7 +11,7 @@ use crate::robot::JointConfig;
 /// use lpr_core::path::JointPath;
 /// use lpr_core::robot::{JointConfig, XARM7};
 ///
-/// let goal = JointConfig(XARM7.start.map(|q| q + 0.2));
+/// let goal = XARM7.start.map(|q| q + 0.2);
 /// let path = JointPath::new(vec![XARM7.start, goal])?;
 /// assert_eq!((path.start(), path.goal()), (&XARM7.start, &goal));
 /// assert!((path.length() - 0.2 * 7_f32.sqrt()).abs() < 1e-5, "radians, over all joints");
@@ -40,7 +40,14 @@ impl JointPath {
             return Err(Error::Shape {
                 what: "path",
                 expected: "finite joint angles".to_owned(),
-                found: format!("{:?} at index {idx}", configs[idx].0),
+                found: format!("{:?} at index {idx}", &configs[idx][..]),
+            });
+        }
+        if let Some(idx) = configs.iter().position(|config| config.dof() != configs[0].dof()) {
+            return Err(Error::Shape {
+                what: "path",
+                expected: format!("configurations of {} joints", configs[0].dof()),
+                found: format!("{} at index {idx}", configs[idx].dof()),
             });
         }
         Ok(Self(configs))
@@ -77,7 +84,7 @@ impl JointPath {
     /// use lpr_core::path::JointPath;
     /// use lpr_core::robot::JointConfig;
     ///
-    /// let at = |q: f32| JointConfig([q, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    /// let at = |q: f32| JointConfig::new([q, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     /// let path = JointPath::new(vec![at(0.0), at(0.1), at(1.0)])?;
     /// assert_eq!(path.resample(3).configs(), [at(0.0), at(0.5), at(1.0)], "the corner at 0.1 is cut");
     /// assert_eq!(path.subdivide(4).configs(), [at(0.0), at(0.1), at(0.55), at(1.0)], "subdividing keeps it");
@@ -156,7 +163,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn path() -> impl Strategy<Value = JointPath> {
-        prop::collection::vec(prop::array::uniform7(-3.0_f32..3.0).prop_map(JointConfig), 2..9)
+        prop::collection::vec(prop::array::uniform7(-3.0_f32..3.0).prop_map(JointConfig::new), 2..9)
             .prop_map(JointPath)
     }
 
@@ -190,9 +197,9 @@ mod tests {
 
     #[test]
     fn a_path_needs_two_finite_configurations() {
-        let rest = JointConfig([0.0; DOF]);
+        let rest = JointConfig::new([0.0; DOF]);
         assert!(JointPath::new(vec![rest]).is_err());
-        assert!(JointPath::new(vec![rest, JointConfig([f32::NAN; DOF])]).is_err());
+        assert!(JointPath::new(vec![rest, JointConfig::new([f32::NAN; DOF])]).is_err());
         assert!(JointPath::new(vec![rest, rest]).is_ok());
     }
 }

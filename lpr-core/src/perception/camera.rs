@@ -270,9 +270,9 @@ impl Camera {
 /// Distance of the shoulder cameras from the plane y = 0, metres.
 const SHOULDER_SIDE: f32 = 0.75;
 
-/// `offset` from the workspace's centre on the table.
+/// `offset` from the workspace's centre on the table, or from the base of an arm without one.
 fn workspace_point(robot: &Robot, offset: Vec3) -> Vec3 {
-    robot.workspace_center.extend(0.0) + offset
+    robot.workspace_center.unwrap_or_default().extend(0.0) + offset
 }
 
 /// The rotation whose z is `direction` and whose -y is as close to `up` as it can be (to x where

@@ -78,7 +78,7 @@ impl View {
 /// let proprio = Proprio {
 ///     joints: PANDA.start,
 ///     gripper_width: 0.06,
-///     gripper_open: Proprio::openness(0.06, PANDA.gripper.max_width),
+///     gripper_open: Proprio::openness(0.06, PANDA.gripper().unwrap().max_width),
 ///     finger_positions: [0.03; 2],
 ///     grip: PANDA.grip(&PANDA.start),
 ///     time: time_feature(0, EPISODE_LENGTH),

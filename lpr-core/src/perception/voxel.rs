@@ -34,11 +34,12 @@ pub struct VoxelBounds {
 }
 
 impl VoxelBounds {
-    /// The box of the first depth for `robot`: one metre a side around its workspace.
+    /// The box of the first depth for `robot`: one metre a side around its workspace,
+    /// or around its base if that is not known.
     #[must_use]
     pub fn scene(robot: &Robot) -> Self {
         Self {
-            min: robot.workspace_center.extend(0.0) + SCENE_CORNER,
+            min: robot.workspace_center.unwrap_or_default().extend(0.0) + SCENE_CORNER,
             size: Vec3::splat(SCENE_SIDE),
         }
     }

@@ -17,12 +17,17 @@ use rand::RngExt as _;
 /// A red stick on a table, and the pose above its middle that closes across it.
 fn scene(index: u64) -> (QObservation, NextBestPose) {
     let rng = &mut stream(5, Stream::Placement, index);
-    let place = PANDA.workspace_center.extend(0.0)
+    let place = PANDA.workspace_center().expect("a built-in arm has one").extend(0.0)
         + Vec3::new(rng.random_range(-0.2..0.2), rng.random_range(-0.2..0.2), 0.0);
     let yaw = rng.random_range(-0.9..1.2);
     let turn = Quat::from_rotation_z(yaw);
-    let table =
-        (0..400).map(|i| (PANDA.workspace_center.extend(0.0) + grid_point(i, 20, 0.4), [120; 3]));
+    let table = (0..400).map(|i| {
+        (
+            PANDA.workspace_center().expect("a built-in arm has one").extend(0.0)
+                + grid_point(i, 20, 0.4),
+            [120; 3],
+        )
+    });
     let stick = (0..80)
         .map(|i| (place + turn * Vec3::new(i as f32 / 400.0 - 0.1, 0.0, 0.05), [250, 10, 10]));
     let observation = QObservation::from_points(

@@ -6,6 +6,7 @@ use crate::features::{GOAL_FEATURES, JointScale, POSE_FEATURES, goal_features, p
 use crate::nn::{Mlp, Spread, tensor, values};
 use crate::rng::Rng;
 use crate::robot::{DOF, JointConfig, Robot};
+use std::sync::Arc;
 
 use burn::module::Module;
 use burn::tensor::activation::relu;
@@ -126,7 +127,7 @@ pub(super) struct PathTensors {
 pub(super) struct Encoding {
     pub(super) input: RankerInput,
     pub(super) joint_scale: JointScale,
-    pub(super) robot: &'static Robot,
+    pub(super) robot: Arc<Robot>,
 }
 
 impl Encoding {

@@ -167,7 +167,7 @@ mod tests {
     /// Three steps of an episode that ends in success.
     fn episode() -> Vec<Transition<u32>> {
         let step = |number: u32| {
-            let configs = vec![JointConfig([0.0; 7]), JointConfig([number as f32; 7])];
+            let configs = vec![JointConfig::new([0.0; 7]), JointConfig::new([number as f32; 7])];
             let goal = NextBestPose { pose: Pose3::IDENTITY, gripper: Gripper::Open };
             Arc::new(Step {
                 observation: number,

@@ -118,10 +118,12 @@ impl GripperSpec {
     /// ```
     /// use lpr_core::robot::XARM7;
     ///
-    /// let [left, right] = XARM7.gripper.fingers(0.05);
+    /// let gripper = XARM7.gripper()?;
+    /// let [left, right] = gripper.fingers(0.05);
     /// let gap = (left.pad.center.y - left.pad.half_extents.y) - (right.pad.center.y + right.pad.half_extents.y);
     /// assert!((gap - 0.05).abs() < 1e-6, "metres between the pads");
-    /// assert_eq!(XARM7.gripper.fingers(9.0), XARM7.gripper.fingers(XARM7.gripper.max_width));
+    /// assert_eq!(gripper.fingers(9.0), gripper.fingers(gripper.max_width));
+    /// # Ok::<(), lpr_core::Error>(())
     /// ```
     #[must_use]
     pub fn fingers(&self, width: f32) -> [Finger; 2] {
@@ -153,7 +155,7 @@ impl Robot {
     /// use lpr_core::robot::{JointConfig, PANDA};
     ///
     /// assert!(!PANDA.self_collides(&PANDA.start));
-    /// let folded = JointConfig([0.0, -1.7, 0.0, -3.0, 0.0, 0.0, 0.0]);
+    /// let folded = JointConfig::new([0.0, -1.7, 0.0, -3.0, 0.0, 0.0, 0.0]);
     /// assert!(PANDA.within_limits(&folded) && PANDA.self_collides(&folded));
     /// ```
     #[must_use]
@@ -167,9 +169,9 @@ impl Robot {
 
     fn frames_overlap(&self, frames: &[Pose3; N_LINKS], (a, b): (usize, usize)) -> bool {
         let a_from_b = frames[a].inverse() * frames[b];
-        self.spheres[b].iter().any(|sphere_b| {
+        self.links[b].spheres.iter().any(|sphere_b| {
             let center = a_from_b * sphere_b.center;
-            self.spheres[a].iter().any(|sphere_a| {
+            self.links[a].spheres.iter().any(|sphere_a| {
                 let reach = sphere_a.radius + sphere_b.radius;
                 center.distance_squared(sphere_a.center) < reach * reach
             })
@@ -181,11 +183,13 @@ impl Robot {
 mod tests {
     use super::*;
     use crate::rng::{Rng, Stream, stream};
-    use crate::robot::{HAND, PANDA, ROBOTS, XARM7};
+    use crate::robot::{HAND, Link, PANDA, ROBOTS, XARM7};
     use rand::RngExt as _;
 
     fn random_config(robot: &Robot, rng: &mut Rng) -> JointConfig {
-        JointConfig(robot.joints.map(|joint| rng.random_range(joint.lower..joint.upper)))
+        JointConfig::from_fn(robot.dof(), |j| {
+            rng.random_range(robot.joints[j].lower..robot.joints[j].upper)
+        })
     }
 
     fn axis_distance(capsule: &Capsule, point: Vec3) -> f32 {
@@ -198,8 +202,8 @@ mod tests {
     fn spheres_cover_the_capsules_and_overshoot_within_the_bound() {
         let mut rng = stream(1, Stream::Planner, 0);
         for robot in ROBOTS {
-            for (capsules, spheres) in robot.capsules.iter().zip(robot.spheres) {
-                for capsule in *capsules {
+            for Link { capsules, spheres, .. } in &robot.links {
+                for capsule in capsules {
                     for _ in 0..2000 {
                         let mut within = || rng.random_range(-1.0f32..1.0);
                         let offset = Vec3::new(within(), within(), within()).normalize_or_zero()
@@ -212,10 +216,9 @@ mod tests {
                     }
                 }
             }
-            for link in 0..HAND {
-                for ball in robot.spheres[link] {
-                    let overshoot = robot.capsules[link]
-                        .iter()
+            for link in &robot.links[..HAND] {
+                for ball in &link.spheres {
+                    let overshoot = (link.capsules.iter())
                         .map(|c| axis_distance(c, ball.center) + ball.radius - c.radius);
                     assert!(
                         overshoot.fold(f32::INFINITY, f32::min) <= MAX_OVERSHOOT + 1e-6,
@@ -230,9 +233,9 @@ mod tests {
     #[test]
     fn an_arm_has_some_forty_to_sixty_spheres_and_few_capsules() {
         for robot in ROBOTS {
-            let n_spheres: usize = robot.spheres.iter().map(|spheres| spheres.len()).sum();
+            let n_spheres: usize = robot.links.iter().map(|link| link.spheres.len()).sum();
             assert!((40..=60).contains(&n_spheres), "{}: {n_spheres}", robot.name);
-            assert!(robot.capsules.iter().all(|capsules| (1..=3).contains(&capsules.len())));
+            assert!(robot.links.iter().all(|link| (1..=3).contains(&link.capsules.len())));
         }
     }
 
@@ -282,15 +285,17 @@ mod tests {
             assert!(!robot.self_collides(&robot.start), "{}", robot.name);
         }
         // The hand is driven back into the column.
-        assert!(XARM7.self_collides(&JointConfig([0.0, 0.0, 0.0, 0.0, 0.0, 1.6, 0.0])));
-        assert!(PANDA.self_collides(&JointConfig([0.0, 0.5, 0.0, -3.0, 0.0, 0.3, 0.0])));
+        assert!(XARM7.self_collides(&JointConfig::new([0.0, 0.0, 0.0, 0.0, 0.0, 1.6, 0.0])));
+        assert!(PANDA.self_collides(&JointConfig::new([0.0, 0.5, 0.0, -3.0, 0.0, 0.3, 0.0])));
     }
 
     #[test]
     fn pads_are_the_width_apart_and_fingers_behind_them() {
         for robot in ROBOTS {
-            for (asked, width) in [(0.03, 0.03), (-1.0, 0.0), (1.0, robot.gripper.max_width)] {
-                let [left, right] = robot.gripper.fingers(asked);
+            for (asked, width) in
+                [(0.03, 0.03), (-1.0, 0.0), (1.0, robot.gripper().unwrap().max_width)]
+            {
+                let [left, right] = robot.gripper().unwrap().fingers(asked);
                 let inner = |finger: &Finger| finger.pad.center.y.abs() - finger.pad.half_extents.y;
                 assert!((inner(&left) + inner(&right) - width).abs() < 1e-6);
                 for finger in [left, right] {

@@ -4,8 +4,9 @@
 use super::{JointConfig, PANDA, Robot, XARM7};
 use glamx::{DPose3, DQuat, DVec3, Pose3};
 use serde::Deserialize;
+use std::sync::{Arc, LazyLock};
 
-const FILES: [(&Robot, &str); 2] = [
+static FILES: [(&LazyLock<Arc<Robot>>, &str); 2] = [
     (&XARM7, include_str!("../../../tests/golden/fk_xarm7.json")),
     (&PANDA, include_str!("../../../tests/golden/fk_panda.json")),
 ];
@@ -28,7 +29,10 @@ impl Record {
 }
 
 fn records() -> impl Iterator<Item = (&'static Robot, Vec<Record>)> {
-    FILES.into_iter().map(|(robot, json)| (robot, serde_json::from_str(json).expect("golden file")))
+    FILES.into_iter().map(|(robot, json)| {
+        let robot: &Robot = robot;
+        (robot, serde_json::from_str(json).expect("golden file"))
+    })
 }
 
 /// Distance in metres and angle in radians.

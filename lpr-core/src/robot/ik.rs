@@ -13,7 +13,7 @@ pub use closed_form::IkBranches;
 pub use step::MAX_STEP_CHANGE;
 
 use super::{DOF, JointConfig, Robot};
-use crate::rng::Rng;
+use crate::rng::{Rng, Stream, stream};
 use closed_form::{Angles, Target, rounded, widened};
 use core::f64::consts::{PI, TAU};
 use glamx::Pose3;
@@ -32,7 +32,13 @@ const RARE_SAMPLES: usize = 512;
 const FINEST_SAMPLES: usize = 4096;
 
 impl Robot {
-    /// All solutions with that last joint angle: at most eight.
+    /// Whether the closed form serves the arm: seven joints by modified-DH rows.
+    pub(crate) fn has_closed_form(&self) -> bool {
+        closed_form::serves(self)
+    }
+
+    /// All solutions with that last joint angle: at most eight, and none of an arm without a closed
+    /// form.
     ///
     /// ```
     /// use lpr_core::robot::PANDA;
@@ -45,10 +51,12 @@ impl Robot {
     /// ```
     #[must_use]
     pub fn ik_all_at(&self, world_from_grip: &Pose3, q7: f64, near: &JointConfig) -> IkBranches {
-        Target::new(self, world_from_grip).solve(q7, &widened(near))
+        Target::new(self, world_from_grip)
+            .map_or(IkBranches::EMPTY, |target| target.solve(q7, &widened(near)))
     }
 
-    /// The solution nearest `near` in joint space.
+    /// The solution nearest `near` in joint space; of an arm without a closed form, the one that
+    /// the search from `near` finds first.
     ///
     /// `None` when the pose is out of reach within the limits:
     ///
@@ -64,7 +72,10 @@ impl Robot {
     /// ```
     #[must_use]
     pub fn ik_nearest(&self, world_from_grip: &Pose3, near: &JointConfig) -> Option<JointConfig> {
-        let target = Target::new(self, world_from_grip);
+        let Some(target) = Target::new(self, world_from_grip) else {
+            let rng = &mut stream(0, Stream::Ik, 0);
+            return self.ik(world_from_grip, near, 1, 0.0, rng).into_iter().next();
+        };
         let near = widened(near);
         let mut best = self
             .scan(&target, &near, SCAN_SPACING)
@@ -100,7 +111,7 @@ impl Robot {
     /// Up to `n` solutions, of which any two differ by more than `min_distance` radians (modulo 2π)
     /// in some joint, spread over the redundancy; of each the winding nearest `near`.
     ///
-    /// Where few are found, `q7` is sampled ever more finely around those that have solutions.
+    /// An arm without a closed form searches as in [`Robot::ik`]. Where few are found, `q7` is sampled ever more finely around those that have solutions.
     ///
     /// ```
     /// use lpr_core::rng::{Stream, stream};
@@ -121,9 +132,11 @@ impl Robot {
         near: &JointConfig,
         rng: &mut Rng,
     ) -> Vec<JointConfig> {
+        let Some(target) = Target::new(self, world_from_grip) else {
+            return self.ik(world_from_grip, near, n, min_distance, rng);
+        };
         let near = widened(near);
         let offset = rng.random::<f64>();
-        let target = Target::new(self, world_from_grip);
         let solve = |fraction: f64| target.solve(self.q7_sample(offset + fraction), &near);
         let mut distinct =
             Distinct { solutions: Vec::with_capacity(n.min(DISTINCT_SAMPLES)), n, min_distance };

@@ -14,7 +14,7 @@ pub(super) type Triangle = [DVec3; 3];
 /// Meshes out of memory, and what is said of one that is not there:
 ///
 /// ```
-/// use lpr_core::robot::Chain;
+/// use lpr_core::robot::Robot;
 ///
 /// let meshes = |name: &str| (name == "hand.obj").then(|| b"v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nf 1 2 3\n".to_vec());
 /// let urdf = |file: &str| {
@@ -24,9 +24,9 @@ pub(super) type Triangle = [DVec3; 3];
 ///         <joint name="turn" type="continuous"><parent link="base"/><child link="hand"/></joint></robot>"#
 ///     )
 /// };
-/// let hand = Chain::from_urdf(&urdf("hand.obj"), None, None, &meshes)?;
+/// let hand = Robot::from_urdf(&urdf("hand.obj"), None, None, &meshes)?;
 /// assert!(!hand.links[1].spheres.is_empty());
-/// let error = Chain::from_urdf(&urdf("claw.obj"), None, None, &meshes).unwrap_err();
+/// let error = Robot::from_urdf(&urdf("claw.obj"), None, None, &meshes).unwrap_err();
 /// assert!(error.to_string().contains("link 'hand', <mesh> on line 2: there is no mesh 'claw.obj'"));
 /// # Ok::<(), lpr_core::Error>(())
 /// ```

@@ -15,11 +15,12 @@ mod fuzz;
 mod tests;
 mod tree;
 
-use super::chain::{Chain, ChainJoint, ChainLink, moved};
+use super::link::{Link, moved};
 use super::mesh::MeshReader;
+use super::model::{Robot, middle_of};
 use super::srdf::Semantics;
-use super::{DOF, Error, Result, fit, xml};
-use description::{Collision, Description, Drive, Joint, Mobility};
+use super::{Error, JointOrigin, MAX_JOINTS, Result, fit, xml};
+use description::{Collision, Description, Drive, Mobility};
 use glamx::{DPose3, DQuat, DVec3};
 use std::collections::BTreeSet;
 use tree::Tree;
@@ -28,7 +29,7 @@ use xml::quoted;
 /// Most links with collision geometry: their pairs are listed.
 const MAX_SOLID_LINKS: usize = 500;
 
-impl Chain {
+impl Robot {
     /// The arm of a URDF, with the allowed self-collisions of an SRDF.
     ///
     /// - The tip is `tip`, or that of the SRDF's first group that is a chain, or the one leaf with
@@ -44,7 +45,7 @@ impl Chain {
     ///   `.obj` are understood.
     ///
     /// ```
-    /// use lpr_core::robot::{Chain, JointConfig};
+    /// use lpr_core::robot::{Robot, JointConfig};
     ///
     /// let urdf = r#"<robot name="pointer">
     ///   <link name="base"/>
@@ -54,12 +55,12 @@ impl Chain {
     ///     <limit lower="-1" upper="1" velocity="2" effort="9"/>
     ///   </joint>
     /// </robot>"#;
-    /// let arm = Chain::from_urdf(urdf, None, None, &|_| None)?;
+    /// let arm = Robot::from_urdf(urdf, None, None, &|_| None)?;
     /// assert_eq!((arm.dof(), arm.joints[0].name.as_str(), arm.links[1].spheres.len()), (1, "yaw", 1));
-    /// assert!(!arm.within_limits(&JointConfig([1.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])));
+    /// assert!(!arm.within_limits(&JointConfig::new([1.5, 0.0])));
     ///
     /// let broken = urdf.replace(r#"child link="arm""#, r#"child link="leg""#);
-    /// let error = Chain::from_urdf(&broken, None, None, &|_| None).unwrap_err();
+    /// let error = Robot::from_urdf(&broken, None, None, &|_| None).unwrap_err();
     /// assert_eq!(error.to_string(), "robot: joint 'yaw', <child> on line 5: there is no link 'leg'");
     /// # Ok::<(), lpr_core::Error>(())
     /// ```
@@ -69,7 +70,7 @@ impl Chain {
     /// [`Error::Robot`] with the element, its line and the link or joint it belongs to: XML that is
     /// malformed or has macros in it, no or several roots, a loop, a link or mesh that is missing,
     /// an unknown type or geometry, numbers that are not finite, too many or too few, limits that
-    /// are missing or contradict each other, no or more than [`DOF`] joints, one that floats or
+    /// are missing or contradict each other, no or more than [`MAX_JOINTS`] joints, one that floats or
     /// mimics another between base and tip, and a tip that is not clear.
     pub fn from_urdf(
         urdf: &str,
@@ -96,9 +97,13 @@ impl Chain {
         Ok(Self {
             allowed_self_collisions: allowed_pairs(&links, semantics.as_ref()),
             name: description.name,
+            start: middle_of(&placed.joints),
             joints: placed.joints,
-            body_from_tip: placed.places[tip].body_from_link,
+            body_from_flange: placed.places[tip].body_from_link,
+            flange_from_grip: DPose3::IDENTITY,
             links,
+            gripper: None,
+            workspace_center: None,
         })
     }
 }
@@ -129,9 +134,9 @@ fn drives(description: &Description, path: &[usize], tip: usize) -> Result<Vec<(
     let tip = quoted(&description.links[tip].name);
     match drives.len() {
         0 => Err(Error::Robot(format!("no joint moves between the base and the tip {tip}"))),
-        1..=DOF => Ok(drives),
+        1..=MAX_JOINTS => Ok(drives),
         n => Err(Error::Robot(format!(
-            "{n} joints move between the base and the tip {tip}, at most {DOF} may: name another tip"
+            "{n} joints move between the base and the tip {tip}, at most {MAX_JOINTS} may: name another tip"
         ))),
     }
 }
@@ -146,7 +151,7 @@ struct Place {
 /// The places of all links, and the joints between the bodies.
 struct Placed {
     places: Vec<Place>,
-    joints: Vec<ChainJoint>,
+    joints: Vec<super::Joint>,
 }
 
 impl Placed {
@@ -171,19 +176,21 @@ impl Placed {
     }
 
     /// The place of what a joint carries; a joint of the arm begins a new body.
-    fn carry(&mut self, joint: &Joint, drive: Option<&Drive>) -> Place {
+    fn carry(&mut self, joint: &description::Joint, drive: Option<&Drive>) -> Place {
         let Place { body, body_from_link: body_from_parent } = self.places[joint.parent];
         let Some(drive) = drive else {
             return Place { body, body_from_link: body_from_parent * at_rest(joint) };
         };
         let link_from_body = DPose3::from_rotation(turn_of_z_to(drive.axis));
-        self.joints.push(ChainJoint {
+        self.joints.push(super::Joint {
             name: joint.name.clone(),
-            parent_from_joint: body_from_parent * joint.parent_from_joint * link_from_body,
+            origin: JointOrigin::Fixed(body_from_parent * joint.parent_from_joint * link_from_body),
             motion: drive.motion,
             lower: drive.lower,
             upper: drive.upper,
+            is_continuous: drive.is_continuous,
             max_velocity: drive.max_velocity,
+            max_acceleration: f32::INFINITY,
         });
         Place { body: self.joints.len(), body_from_link: link_from_body.inverse() }
     }
@@ -200,7 +207,7 @@ fn root_from(description: &Description, tree: &Tree, mut link: usize) -> DPose3 
 }
 
 /// `parent_from_child` at position 0, moved into the limits.
-fn at_rest(joint: &Joint) -> DPose3 {
+fn at_rest(joint: &description::Joint) -> DPose3 {
     match joint.mobility {
         Mobility::Driven(drive) | Mobility::Mimic(drive) => {
             let joint_from_body = DPose3::from_rotation(turn_of_z_to(drive.axis));
@@ -226,7 +233,7 @@ fn turn_of_z_to(axis: DVec3) -> DQuat {
     DQuat::from_xyzw(-axis.y / length, axis.x / length, 0.0, w / length)
 }
 
-fn links(description: &Description, places: &[Place]) -> Result<Vec<ChainLink>> {
+fn links(description: &Description, places: &[Place]) -> Result<Vec<Link>> {
     let solid = description.links.iter().filter(|link| !link.collisions.is_empty());
     let n_solid = solid.clone().count();
     if let Some(link) = solid.clone().nth(MAX_SOLID_LINKS) {
@@ -236,11 +243,13 @@ fn links(description: &Description, places: &[Place]) -> Result<Vec<ChainLink>> 
         )));
     }
     let link = |(link, place): (&description::Link, &Place)| {
-        let mut found = ChainLink {
+        let mut found = Link {
             name: link.name.clone(),
             body: place.body,
             body_from_link: place.body_from_link,
+            body_from_shapes: DPose3::IDENTITY,
             spheres: Vec::new(),
+            capsules: Vec::new(),
             overshoot: 0.0,
         };
         for Collision { link_from_solid, solid } in &link.collisions {
@@ -254,7 +263,7 @@ fn links(description: &Description, places: &[Place]) -> Result<Vec<ChainLink>> 
     description.links.iter().zip(places).map(link).collect()
 }
 
-fn allowed_pairs(links: &[ChainLink], semantics: Option<&Semantics>) -> Vec<(usize, usize)> {
+fn allowed_pairs(links: &[Link], semantics: Option<&Semantics>) -> Vec<(usize, usize)> {
     let solid: Vec<usize> =
         (0..links.len()).filter(|&link| !links[link].spheres.is_empty()).collect();
     let max_apart = if semantics.is_some() { 0 } else { 1 };

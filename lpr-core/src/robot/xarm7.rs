@@ -3,10 +3,12 @@
 //! Kinematics and limits are those of the vendor's robot description (`xarm7.urdf.xacro`), as
 //! modified-DH rows; link geometry is our own capsules and spheres.
 
+use super::built_in::{BuiltIn, BuiltInJoint};
 use super::geometry::{capsule, cover};
-use super::{Capsule, GripperSpec, Joint, JointConfig, Robot};
+use super::{Capsule, DhRow, GripperSpec, JointConfig, Robot};
 use core::f64::consts::FRAC_PI_2;
 use glamx::{DPose3, DQuat, DVec3, Vec2, Vec3};
+use std::sync::{Arc, LazyLock};
 
 /// Velocity limit of every joint: the vendor's `MoveIt` configuration, rad/s.
 const MAX_VELOCITY: f32 = 2.14;
@@ -14,11 +16,9 @@ const MAX_VELOCITY: f32 = 2.14;
 const MAX_ACCELERATION: f32 = 10.0;
 const TWO_PI: f32 = core::f32::consts::TAU;
 
-const fn joint(alpha: f64, a: f64, d: f64, lower: f32, upper: f32) -> Joint {
-    Joint {
-        alpha,
-        a,
-        d,
+const fn joint(alpha: f64, a: f64, d: f64, lower: f32, upper: f32) -> BuiltInJoint {
+    BuiltInJoint {
+        row: DhRow { alpha, a, d },
         lower,
         upper,
         max_velocity: MAX_VELOCITY,
@@ -84,42 +84,45 @@ const ALLOWED_SELF_COLLISIONS: [(usize, usize); 19] = [
 ];
 
 /// UFACTORY xArm7.
-pub static XARM7: Robot = Robot {
-    name: "xarm7",
-    joints: [
-        joint(0.0, 0.0, 0.267, -TWO_PI, TWO_PI),
-        joint(-FRAC_PI_2, 0.0, 0.0, -2.059, 2.0944),
-        joint(FRAC_PI_2, 0.0, 0.293, -TWO_PI, TWO_PI),
-        joint(FRAC_PI_2, 0.0525, 0.0, -0.191_98, 3.927),
-        joint(FRAC_PI_2, 0.0775, 0.3425, -TWO_PI, TWO_PI),
-        joint(FRAC_PI_2, 0.0, 0.0, -1.692_97, core::f32::consts::PI),
-        joint(-FRAC_PI_2, 0.076, 0.097, -TWO_PI, TWO_PI),
-    ],
-    link7_from_flange: DPose3::IDENTITY,
-    flange_from_grip: DPose3 {
-        rotation: DQuat::IDENTITY,
-        translation: DVec3::new(0.0, 0.0, 0.172),
-    },
-    gripper: GripperSpec {
-        max_width: 0.085,
-        pad_half_extents: Vec3::new(0.011, 0.004, 0.0095),
-        pad_offset_z: 0.0,
-        finger_half_extents: Vec3::new(0.0125, 0.006, 0.038),
-        finger_offset_z: -0.0285,
-    },
-    start: JointConfig([0.0, -0.6, 0.0, 0.9, 0.0, 1.5, 0.0]),
-    workspace_center: Vec2::new(0.38, 0.0),
-    capsules: [BASE, LINK1, LINK2, LINK3, LINK4, LINK5, LINK6, LINK7, HAND],
-    spheres: [
-        cover!(BASE),
-        cover!(LINK1),
-        cover!(LINK2),
-        cover!(LINK3),
-        cover!(LINK4),
-        cover!(LINK5),
-        cover!(LINK6),
-        cover!(LINK7),
-        cover!(HAND_WITH_FINGERS),
-    ],
-    allowed_self_collisions: &ALLOWED_SELF_COLLISIONS,
-};
+pub static XARM7: LazyLock<Arc<Robot>> = LazyLock::new(|| {
+    BuiltIn {
+        name: "xarm7",
+        joints: [
+            joint(0.0, 0.0, 0.267, -TWO_PI, TWO_PI),
+            joint(-FRAC_PI_2, 0.0, 0.0, -2.059, 2.0944),
+            joint(FRAC_PI_2, 0.0, 0.293, -TWO_PI, TWO_PI),
+            joint(FRAC_PI_2, 0.0525, 0.0, -0.191_98, 3.927),
+            joint(FRAC_PI_2, 0.0775, 0.3425, -TWO_PI, TWO_PI),
+            joint(FRAC_PI_2, 0.0, 0.0, -1.692_97, core::f32::consts::PI),
+            joint(-FRAC_PI_2, 0.076, 0.097, -TWO_PI, TWO_PI),
+        ],
+        link7_from_flange: DPose3::IDENTITY,
+        flange_from_grip: DPose3 {
+            rotation: DQuat::IDENTITY,
+            translation: DVec3::new(0.0, 0.0, 0.172),
+        },
+        gripper: GripperSpec {
+            max_width: 0.085,
+            pad_half_extents: Vec3::new(0.011, 0.004, 0.0095),
+            pad_offset_z: 0.0,
+            finger_half_extents: Vec3::new(0.0125, 0.006, 0.038),
+            finger_offset_z: -0.0285,
+        },
+        start: JointConfig::new([0.0, -0.6, 0.0, 0.9, 0.0, 1.5, 0.0]),
+        workspace_center: Vec2::new(0.38, 0.0),
+        capsules: [BASE, LINK1, LINK2, LINK3, LINK4, LINK5, LINK6, LINK7, HAND],
+        spheres: [
+            cover!(BASE),
+            cover!(LINK1),
+            cover!(LINK2),
+            cover!(LINK3),
+            cover!(LINK4),
+            cover!(LINK5),
+            cover!(LINK6),
+            cover!(LINK7),
+            cover!(HAND_WITH_FINGERS),
+        ],
+        allowed_self_collisions: &ALLOWED_SELF_COLLISIONS,
+    }
+    .shared()
+});

@@ -2,7 +2,7 @@
 
 use super::primitive::length;
 use crate::error::{Error, Result};
-use crate::robot::{Chain, ChainJoint, ChainLink, DOF, JointConfig, Motion, Robot, Sphere};
+use crate::robot::{Joint, JointConfig, JointMotion, JointRanges, Link, MAX_JOINTS, Robot, Sphere};
 use fearless_simd::Level;
 use glamx::{DVec3, Mat3, Pose3, Vec3};
 
@@ -36,8 +36,8 @@ pub struct ArmSpheres {
     pub(crate) level: Level,
     pub(super) joints: Vec<JointFrame>,
     /// The tip in the frame of what the last joint carries.
-    body_from_tip: Pose3,
-    limits: [(f32, f32); DOF],
+    body_from_flange: Pose3,
+    limits: JointRanges,
     /// From the tip inwards: what sticks out furthest hits first.
     pub(super) links: Vec<LinkSpheres>,
     /// Pairs of indices into the links that are tested against each other.
@@ -79,7 +79,7 @@ pub(super) enum ArmPart {
 pub(super) struct JointFrame {
     pub(super) rotation: Rotation,
     pub(super) translation: Vec3,
-    pub(super) motion: Motion,
+    pub(super) motion: JointMotion,
 }
 
 /// A rotation from the body before a joint.
@@ -102,9 +102,9 @@ impl ArmSpheres {
     /// The spheres of `robot`.
     #[must_use]
     pub fn new(robot: &Robot) -> Self {
-        let mut arm =
-            Self::from_chain(&Chain::from_robot(robot)).expect("a built-in arm has few links");
-        for link in arm.links.iter_mut().filter(|link| link.name == "hand") {
+        let mut arm = Self::from_description(robot).expect("an arm that is built in or was read");
+        let is_hand = |link: &&mut LinkSpheres| robot.gripper.is_some() && link.name == "hand";
+        for link in arm.links.iter_mut().filter(is_hand) {
             link.part = ArmPart::Hand;
         }
         arm
@@ -113,12 +113,12 @@ impl ArmSpheres {
     /// The spheres of an arm that is described at run time.
     ///
     /// ```
-    /// use lpr_core::robot::{Chain, PANDA};
+    /// use lpr_core::robot::{Robot, PANDA};
     /// use lpr_core::scene::{ArmSpheres, Scene};
     ///
-    /// let mut chain = Chain::from_robot(&PANDA);
+    /// let mut chain = PANDA.described();
     /// chain.links.retain(|link| link.name != "hand");
-    /// let arm = ArmSpheres::from_chain(&chain)?;
+    /// let arm = ArmSpheres::from_description(&chain)?;
     /// assert!(arm.spheres_at(&PANDA.start).all(|(link, _)| link != "hand"));
     /// assert!(Scene::empty().is_free(&arm, &PANDA.start));
     /// # Ok::<(), lpr_core::Error>(())
@@ -126,10 +126,10 @@ impl ArmSpheres {
     ///
     /// # Errors
     ///
-    /// When more than [`MAX_LINKS`] links have spheres, there are more than [`DOF`] joints, a frame
+    /// When more than [`MAX_LINKS`] links have spheres, there are more than [`MAX_JOINTS`] joints, a frame
     /// or sphere is not finite, or a link is carried by a joint that there is not.
-    pub fn from_chain(chain: &Chain) -> Result<Self> {
-        check_chain(chain)?;
+    pub fn from_description(chain: &Robot) -> Result<Self> {
+        check_description(chain)?;
         let mut order: Vec<usize> =
             (0..chain.links.len()).filter(|&i| !chain.links[i].spheres.is_empty()).collect();
         order.sort_by_key(|&i| core::cmp::Reverse(chain.links[i].body));
@@ -141,7 +141,7 @@ impl ArmSpheres {
         Ok(Self {
             level: Level::new(),
             joints: chain.joints.iter().map(JointFrame::new).collect(),
-            body_from_tip: Pose3::from(chain.body_from_tip),
+            body_from_flange: Pose3::from(chain.body_from_flange),
             limits: chain.limits(),
             self_pairs: pairs(order.len()).filter(is_tested).collect(),
             links: order.iter().map(|&i| LinkSpheres::of(&chain.links[i])).collect(),
@@ -190,7 +190,8 @@ impl ArmSpheres {
             return Ok(arm);
         }
         check_count(self.links.len() + 1)?;
-        let moved = |s: &Sphere| Sphere { center: self.body_from_tip * s.center, radius: s.radius };
+        let moved =
+            |s: &Sphere| Sphere { center: self.body_from_flange * s.center, radius: s.radius };
         let object = arm.links.len();
         let spheres = spheres.iter().map(moved).collect();
         arm.links.push(LinkSpheres::new("attached", self.joints.len(), ArmPart::Hand, spheres));
@@ -209,23 +210,29 @@ impl ArmSpheres {
             .fold(0, |bits, (idx, _)| bits | (1 << idx))
     }
 
-    /// Lower and upper limit of every joint, radians.
+    /// Lower and upper limit of every joint, radians or metres.
     #[must_use]
-    pub const fn limits(&self) -> &[(f32, f32); DOF] {
+    pub fn limits(&self) -> &[(f32, f32)] {
         &self.limits
     }
 
-    /// True if every joint of the arm is within its limits.
+    /// True if the configuration has the arm's joints, each within its limits.
     pub(crate) fn is_within_limits(&self, config: &JointConfig) -> bool {
-        let limits = self.limits.iter().take(self.joints.len());
-        limits.zip(config.iter()).all(|((lower, upper), q)| lower <= q && q <= upper)
+        self.has_joints_of(config)
+            && (self.limits.iter().zip(config.iter()))
+                .all(|((lower, upper), q)| lower <= q && q <= upper)
+    }
+
+    /// Whether the configuration has as many joints as the arm.
+    pub(super) fn has_joints_of(&self, config: &JointConfig) -> bool {
+        config.dof() == self.joints.len()
     }
 
     /// Frames of the base and of what every joint carries, in f32: quicker than
     /// [`Robot::link_frames`] and within a few micrometres of it.
     pub(super) fn frames(&self, config: &JointConfig) -> Vec<Frame> {
         let mut frames = vec![Frame::IDENTITY];
-        for (joint, q) in self.joints.iter().zip(config.iter()) {
+        for (joint, q) in self.joints.iter().zip(&config.to_array::<MAX_JOINTS>()) {
             frames.push(frames[frames.len() - 1].after(joint, *q));
         }
         frames
@@ -260,9 +267,9 @@ impl LinkSpheres {
         Self { name: name.to_owned(), body, part, bound, clusters }
     }
 
-    fn of(link: &ChainLink) -> Self {
+    fn of(link: &Link) -> Self {
         let part = if link.body == 0 { ArmPart::Base } else { ArmPart::Arm };
-        Self::new(&link.name, link.body, part, link.spheres.clone())
+        Self::new(&link.name, link.body, part, link.spheres_in_body())
     }
 }
 
@@ -276,12 +283,12 @@ fn is_broken(sphere: &Sphere) -> bool {
 }
 
 /// The parts of a chain are public: whoever wrote them, numbers that decide collisions are numbers.
-fn check_chain(chain: &Chain) -> Result<()> {
+fn check_description(chain: &Robot) -> Result<()> {
     let fault = |what: String| Err(Error::Robot(what));
-    if chain.dof() > DOF {
-        return fault(format!("{} joints, at most {DOF} may be", chain.dof()));
+    if chain.dof() > MAX_JOINTS {
+        return fault(format!("{} joints, at most {MAX_JOINTS} may be", chain.dof()));
     }
-    if let Some(joint) = chain.joints.iter().find(|joint| !joint.parent_from_joint.is_finite()) {
+    if let Some(joint) = chain.joints.iter().find(|joint| !joint.parent_from_joint().is_finite()) {
         return fault(format!("joint {}: its frame is not finite", joint.name));
     }
     for link in &chain.links {
@@ -342,8 +349,8 @@ fn bound(spheres: &[Sphere]) -> Sphere {
 }
 
 impl JointFrame {
-    fn new(joint: &ChainJoint) -> Self {
-        let pose = joint.parent_from_joint;
+    fn new(joint: &Joint) -> Self {
+        let pose = joint.parent_from_joint();
         let columns = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| pose.rotation * axis);
         let quarter = |column: DVec3| {
             let axis = column
@@ -395,8 +402,8 @@ impl Frame {
         };
         let origin = self.point(joint.translation);
         match joint.motion {
-            Motion::Slide => Self { axes: [x, y, z], origin: origin + z * q },
-            Motion::Turn => {
+            JointMotion::Slide => Self { axes: [x, y, z], origin: origin + z * q },
+            JointMotion::Turn => {
                 let (sin, cos) = libm::sincosf(q);
                 Self { axes: [x * cos + y * sin, y * cos - x * sin, z], origin }
             }
@@ -407,8 +414,9 @@ impl Frame {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::robot::ROBOTS;
+    use crate::robot::{JointOrigin, ROBOTS};
     use crate::scene::Scene;
+    use glamx::DPose3;
     use proptest::prelude::*;
 
     proptest! {
@@ -416,11 +424,11 @@ mod tests {
         fn spheres_and_self_collision_agree_with_the_robot_in_f64(shares in prop::array::uniform7(0.0_f32..1.0)) {
             for robot in ROBOTS {
                 let arm = ArmSpheres::new(robot);
-                let joints = robot.joints;
-                let config = JointConfig(core::array::from_fn(|j| joints[j].lower + shares[j] * (joints[j].upper - joints[j].lower)));
+                let joints = &robot.joints;
+                let config = JointConfig::from_fn(7, |j| joints[j].lower + shares[j] * (joints[j].upper - joints[j].lower));
                 let frames = robot.link_frames(&config);
                 let found: Vec<Sphere> = arm.spheres_at(&config).map(|(_, sphere)| sphere).collect();
-                let wanted = robot.spheres.iter().enumerate().flat_map(|(link, list)| list.iter().map(move |s| (link, s)));
+                let wanted = robot.links.iter().enumerate().flat_map(|(link, list)| list.spheres.iter().map(move |s| (link, s)));
                 prop_assert_eq!(found.len(), wanted.clone().count());
                 for (link, wanted) in wanted {
                     let center = frames[link] * wanted.center;
@@ -438,22 +446,25 @@ mod tests {
 
     #[test]
     fn a_chain_with_a_part_that_makes_no_sense_is_refused_by_the_name_of_the_part() {
-        type Change = fn(&mut Chain);
+        type Change = fn(&mut Robot);
         let cases: [(Change, &str); 5] = [
             (|chain| chain.links[3].spheres[0].radius = -0.1, "link link3"),
             (|chain| chain.links[3].spheres[0].center.y = f32::NAN, "link link3"),
             (|chain| chain.links[3].body = 8, "link link3: is on body 8, the last is 7"),
             (
-                |chain| chain.joints[2].parent_from_joint.translation.x = f64::INFINITY,
+                |chain| {
+                    let far = DPose3::translation(f64::INFINITY, 0.0, 0.0);
+                    chain.joints[2].origin = JointOrigin::Fixed(far);
+                },
                 "joint joint3",
             ),
-            (|chain| chain.joints.push(chain.joints[0].clone()), "8 joints"),
+            (|chain| chain.joints = vec![chain.joints[0].clone(); 17], "17 joints"),
         ];
         for (change, says) in cases {
-            let mut chain = Chain::from_robot(ROBOTS[0]);
-            assert!(ArmSpheres::from_chain(&chain).is_ok());
+            let mut chain = ROBOTS[0].described();
+            assert!(ArmSpheres::from_description(&chain).is_ok());
             change(&mut chain);
-            let error = ArmSpheres::from_chain(&chain).expect_err(says).to_string();
+            let error = ArmSpheres::from_description(&chain).expect_err(says).to_string();
             assert!(error.contains(says), "{error}");
         }
     }

@@ -7,7 +7,7 @@ use super::arm_spheres::{ArmPart, ArmSpheres, CLUSTER, Cluster, LinkSpheres, MAX
 use super::contents::Scene;
 use super::frames::{Frames, MAX_WIDTH};
 use crate::lanes::{Floats, Vec3s, sincos};
-use crate::robot::{DOF, JointConfig, Motion};
+use crate::robot::{DOF, JointConfig, JointMotion, MAX_JOINTS};
 use arrayvec::ArrayVec;
 use fearless_simd::{Simd, SimdBase as _, SimdMask as _, dispatch};
 use glamx::Vec3;
@@ -55,28 +55,42 @@ impl Scene {
 
 /// Checks the configurations of a motion.
 pub(super) fn motion_is_free(scene: &Scene, arm: &ArmSpheres, motion: Sampled<'_>) -> Checked {
-    if !(motion.a.is_finite() && motion.b.is_finite()) {
+    let is_looked_at = |end: &JointConfig| end.is_finite() && arm.has_joints_of(end);
+    if !(is_looked_at(motion.a) && is_looked_at(motion.b)) {
         return Checked { is_free: false, n_checks: 0 };
     }
     let motion =
         Sampled { n_steps: motion.n_steps.clamp(1, MAX_STEPS).next_multiple_of(BLOCK), ..motion };
-    dispatch!(arm.level, simd => rake(simd, scene, arm, motion))
+    // Arrays of the built-in arms' size stay as small as they can be.
+    if arm.joints.len() <= DOF {
+        dispatch!(arm.level, simd => rake::<_, DOF, { DOF + 1 }>(simd, scene, arm, motion))
+    } else {
+        dispatch!(arm.level, simd => {
+            rake::<_, MAX_JOINTS, { MAX_JOINTS + 1 }>(simd, scene, arm, motion)
+        })
+    }
 }
 
 /// Lanes are spread evenly over the motion and step back together: a collision anywhere shows
-/// early.
+/// early. `J` is the most joints and `B = J + 1` the most bodies.
 #[inline(always)]
-fn rake<S: Simd>(simd: S, scene: &Scene, arm: &ArmSpheres, motion: Sampled<'_>) -> Checked {
+fn rake<S: Simd, const J: usize, const B: usize>(
+    simd: S,
+    scene: &Scene,
+    arm: &ArmSpheres,
+    motion: Sampled<'_>,
+) -> Checked {
     let Sampled { a, b, n_steps: n, looks } = motion;
+    let (a, b) = (a.to_array::<J>(), b.to_array::<J>());
     let width = Floats::<S>::LEN;
     let stride = n.div_ceil(width);
     for step in 0..stride {
         let fraction = fractions(simd, stride, step, n, looks);
-        let mut q = [fraction; DOF];
-        for j in 0..DOF {
+        let mut q = [fraction; J];
+        for j in 0..J {
             q[j] = fraction * (b[j] - a[j]) + a[j];
         }
-        if !block_is_free(simd, scene, arm, &q) {
+        if !block_is_free::<S, J, B>(simd, scene, arm, &q) {
             return Checked { is_free: false, n_checks: ((step + 1) * width).min(n) as u64 };
         }
     }
@@ -95,8 +109,13 @@ fn fractions<S: Simd>(simd: S, stride: usize, step: usize, n: usize, looks: Look
 }
 
 #[inline(always)]
-fn block_is_free<S: Simd>(simd: S, scene: &Scene, arm: &ArmSpheres, q: &[Floats<S>; DOF]) -> bool {
-    let mut frames = [Frames::identity(simd); DOF + 1];
+fn block_is_free<S: Simd, const J: usize, const B: usize>(
+    simd: S,
+    scene: &Scene,
+    arm: &ArmSpheres,
+    q: &[Floats<S>; J],
+) -> bool {
+    let mut frames = [Frames::identity(simd); B];
     forward_kinematics(simd, arm, q, &mut frames);
     let mut bounds = ArrayVec::<Vec3s<S>, MAX_LINKS>::new();
     for (idx, link) in arm.links.iter().enumerate() {
@@ -195,11 +214,11 @@ fn overlap<S: Simd>(a: Vec3s<S>, radius_a: f32, b: Vec3s<S>, radius_b: f32) -> b
 
 /// Frames of what every joint carries; the first, of the base, is left as it is.
 #[inline(always)]
-fn forward_kinematics<S: Simd>(
+fn forward_kinematics<S: Simd, const J: usize, const B: usize>(
     simd: S,
     arm: &ArmSpheres,
-    q: &[Floats<S>; DOF],
-    frames: &mut [Frames<S>; DOF + 1],
+    q: &[Floats<S>; J],
+    frames: &mut [Frames<S>; B],
 ) {
     for (j, joint) in arm.joints.iter().enumerate() {
         let at = &frames[j];
@@ -213,8 +232,8 @@ fn forward_kinematics<S: Simd>(
         };
         let origin = at.offset(joint.translation);
         frames[j + 1] = match joint.motion {
-            Motion::Slide => Frames { axes: [x, y, z], origin: origin.add(z.scaled(q[j])) },
-            Motion::Turn => {
+            JointMotion::Slide => Frames { axes: [x, y, z], origin: origin.add(z.scaled(q[j])) },
+            JointMotion::Turn => {
                 let (sin, cos) = sincos(simd, q[j]);
                 Frames {
                     axes: [x.scaled(cos).add(y.scaled(sin)), y.scaled(cos).sub(x.scaled(sin)), z],

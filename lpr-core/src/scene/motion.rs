@@ -196,9 +196,8 @@ mod tests {
     fn a_post_anywhere_on_the_way_of_a_turning_arm_is_found() {
         let robot = stick_arm();
         let arm = ArmSpheres::new(&robot);
-        let at = |turn: f32| {
-            JointConfig(core::array::from_fn(|j| if j == 0 { turn } else { robot.start[j] }))
-        };
+        let at =
+            |turn: f32| JointConfig::from_fn(7, |j| if j == 0 { turn } else { robot.start[j] });
         let reach = robot.grip(&robot.start).translation;
         for i in 0..40_u8 {
             let angle = -1.0 + 0.05 * f32::from(i);
@@ -220,9 +219,8 @@ mod tests {
     fn looks_at_and_between_the_checks_are_those_of_twice_the_resolution() {
         let robot = stick_arm();
         let arm = ArmSpheres::new(&robot);
-        let at = |turn: f32| {
-            JointConfig(core::array::from_fn(|j| if j == 0 { turn } else { robot.start[j] }))
-        };
+        let at =
+            |turn: f32| JointConfig::from_fn(7, |j| if j == 0 { turn } else { robot.start[j] });
         let grip = robot.grip(&robot.start).translation.x;
         let mut n_between_alone = 0;
         for i in 0..200_u8 {

@@ -8,7 +8,7 @@ use super::arm_spheres::{ArmPart, ArmSpheres};
 use super::cloud::{PointCloud, downsample};
 use super::contents::Scene;
 use crate::perception::Observation;
-use crate::robot::{HAND, JointConfig, Robot, Sphere};
+use crate::robot::{HAND, Joint, JointConfig, Robot, Sphere};
 use glamx::{Pose3, Vec3};
 
 /// One point of the camera's cloud is kept per cube of this side, metres: finer detail than the
@@ -143,13 +143,12 @@ pub fn obstacle_scene(query: &ObstacleQuery<'_>, points: &[Vec3]) -> Scene {
 
 /// A ball around the shoulder that the arm with its hand cannot leave.
 fn reach(robot: &Robot) -> Sphere {
-    let beyond_shoulder: f64 = robot.joints[2..]
-        .iter()
-        .map(|joint| libm::sqrt(joint.a * joint.a + joint.d * joint.d))
-        .sum();
-    let flange = robot.link7_from_flange.translation.length();
+    let rows = || robot.joints.iter().filter_map(Joint::dh);
+    let beyond_shoulder: f64 =
+        rows().skip(2).map(|row| libm::sqrt(row.a * row.a + row.d * row.d)).sum();
+    let flange = robot.body_from_flange.translation.length();
     let radius = (beyond_shoulder + flange) as f32 + HAND_LENGTH;
-    Sphere { center: Vec3::new(0.0, 0.0, robot.joints[0].d as f32), radius }
+    Sphere { center: Vec3::new(0.0, 0.0, rows().next().map_or(0.0, |row| row.d) as f32), radius }
 }
 
 fn is_held(world_from_grip: &Pose3, point: Vec3) -> bool {
@@ -166,7 +165,7 @@ fn gripper_in_contact(query: &ObstacleQuery<'_>, arm: &ArmSpheres) -> Balls {
     let grip_from_flange = Pose3::from(query.robot.flange_from_grip.inverse());
     let goal = query.goal.into_iter().flat_map(|world_from_grip| {
         let world_from_flange = *world_from_grip * grip_from_flange;
-        let hand = query.robot.spheres[HAND].iter();
+        let hand = query.robot.links[HAND].spheres.iter();
         hand.map(move |sphere| Sphere {
             center: world_from_flange * sphere.center,
             radius: sphere.radius,

@@ -10,7 +10,7 @@ use super::cloud::PointCloud;
 use super::contents::Scene;
 use super::primitive::{Primitive, length};
 use super::signed_distance::SignedDistance;
-use crate::robot::{DOF, JointConfig, Motion, Sphere};
+use crate::robot::{JointConfig, JointMotion, Sphere};
 use glamx::Vec3;
 
 /// Distance from a link to an obstacle, or to another link, with its gradient.
@@ -34,7 +34,7 @@ pub struct Proximity {
     /// Gap between them, metres; negative when they overlap.
     pub distance: f32,
     /// Derivative of the gap by every joint: metres per radian, or per metre of a sliding joint.
-    pub gradient: [f32; DOF],
+    pub gradient: JointConfig,
 }
 
 /// The nearest sphere of a link.
@@ -162,13 +162,13 @@ impl Placed<'_> {
 
     /// A gap between points of links, each with the direction of its motion that widens the gap.
     fn proximity(&self, distance: f32, moving: &[(&LinkSpheres, Vec3, Vec3)]) -> Proximity {
-        let mut gradient = [0.0; DOF];
+        let mut gradient = JointConfig::from_fn(self.arm.joints.len(), |_| 0.0);
         for (link, point, normal) in moving {
             for (j, joint) in self.arm.joints.iter().enumerate().take(link.body) {
                 let frame = &self.frames[j + 1];
                 let velocity = match joint.motion {
-                    Motion::Slide => frame.axis(),
-                    Motion::Turn => frame.axis().cross(*point - frame.origin()),
+                    JointMotion::Slide => frame.axis(),
+                    JointMotion::Turn => frame.axis().cross(*point - frame.origin()),
                 };
                 gradient[j] += normal.dot(velocity);
             }
@@ -193,7 +193,7 @@ mod tests {
     const REACH: f32 = 0.2;
 
     fn config() -> impl Strategy<Value = JointConfig> {
-        prop::array::uniform7(-2.5_f32..2.5).prop_map(JointConfig)
+        prop::array::uniform7(-2.5_f32..2.5).prop_map(JointConfig::new)
     }
 
     fn position() -> impl Strategy<Value = Vec3> {
@@ -237,7 +237,7 @@ mod tests {
             const STEP: f32 = 1e-3;
             let arm = ArmSpheres::new(&stick_arm());
             let here = scene.proximities(&arm, &config, REACH);
-            for j in 0..DOF {
+            for j in 0..7 {
                 let moved = |by: f32| {
                     let mut moved = config;
                     moved[j] += by;

@@ -1,31 +1,29 @@
 //! An arm for tests: the Panda's kinematics with balls along straight sticks, so that no test hangs
 //! on the real arms' geometry.
 
-use crate::robot::{HAND, Joint, N_LINKS, PANDA, Robot, Sphere};
+use crate::robot::{HAND, Joint, Link, N_LINKS, PANDA, Robot, Sphere};
 use glamx::{Pose3, Vec3};
 
 /// Radius of the balls along the links, metres.
 const RADIUS: f32 = 0.05;
 
 pub(crate) fn stick_arm() -> Robot {
-    let spheres = core::array::from_fn(|link| match link {
-        0..=6 => stick(next_origin(&PANDA.joints[link])),
-        HAND => hand(),
-        _ => stick(Vec3::ZERO),
-    });
     let near = (0..N_LINKS)
         .flat_map(|a| (a + 1..N_LINKS).filter(move |b| b - a <= 3).map(move |b| (a, b)));
+    let link = |(idx, link): (usize, &Link)| Link {
+        spheres: match idx {
+            0..=6 => stick(next_origin(&PANDA.joints[idx])),
+            HAND => hand(),
+            _ => stick(Vec3::ZERO),
+        },
+        capsules: Vec::new(),
+        ..link.clone()
+    };
     Robot {
-        name: "stick",
-        joints: PANDA.joints,
-        link7_from_flange: PANDA.link7_from_flange,
-        flange_from_grip: PANDA.flange_from_grip,
-        gripper: PANDA.gripper,
-        start: PANDA.start,
-        workspace_center: PANDA.workspace_center,
-        spheres,
-        capsules: [&[]; N_LINKS],
-        allowed_self_collisions: Vec::leak(near.collect()),
+        name: "stick".to_owned(),
+        links: PANDA.links.iter().enumerate().map(link).collect(),
+        allowed_self_collisions: near.collect(),
+        ..Robot::clone(&PANDA)
     }
 }
 
@@ -35,21 +33,21 @@ fn next_origin(joint: &Joint) -> Vec3 {
 }
 
 /// Balls from the origin of a link to `end`.
-fn stick(end: Vec3) -> &'static [Sphere] {
+fn stick(end: Vec3) -> Vec<Sphere> {
     let n = (end.length() / RADIUS).ceil().max(1.0);
     let ball = |i: u8| Sphere { center: end * (f32::from(i) / n), radius: RADIUS };
-    Vec::leak((0..=n as u8).map(ball).collect())
+    (0..=n as u8).map(ball).collect()
 }
 
 /// A bar across the flange's z and two fingers that reach the grip.
-fn hand() -> &'static [Sphere] {
+fn hand() -> Vec<Sphere> {
     let grip = Pose3::from(PANDA.flange_from_grip);
     let bar = [-0.06, -0.03, 0.0, 0.03, 0.06]
         .map(|y| Sphere { center: grip * Vec3::new(0.0, y, -0.06), radius: 0.03 });
     let fingers = [-0.05, 0.05].into_iter().flat_map(|y| [-0.03, -0.015, 0.0].map(|z| (y, z)));
     let fingers =
         fingers.map(|(y, z)| Sphere { center: grip * Vec3::new(0.0, y, z), radius: 0.01 });
-    Vec::leak(bar.into_iter().chain(fingers).collect())
+    bar.into_iter().chain(fingers).collect()
 }
 
 /// True if no sphere of the arm comes within `margin` (metres, may be negative) of the obstacles
@@ -62,7 +60,7 @@ pub(crate) fn is_free_by_brute_force(
 ) -> bool {
     let frames = robot.link_frames(config);
     let of_link = |link: usize| {
-        robot.spheres[link].iter().map(move |s| (frames[link] * s.center, s.radius + margin))
+        robot.links[link].spheres.iter().map(move |s| (frames[link] * s.center, s.radius + margin))
     };
     let meets_scene = (1..N_LINKS).any(|link| {
         let points = if link == HAND { &scene.hand_points } else { &scene.arm_points };

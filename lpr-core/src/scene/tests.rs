@@ -1,7 +1,7 @@
 use super::block::{Looks, Sampled};
 use super::stick_arm::{is_free_by_brute_force, stick_arm};
 use super::*;
-use crate::robot::{Chain, ChainJoint, ChainLink, JointConfig, Motion, Sphere};
+use crate::robot::{Joint, JointConfig, JointMotion, JointOrigin, Link, Robot, Sphere};
 use fearless_simd::Level;
 use glamx::{DPose3, DQuat, DVec3, Pose3, Quat, Vec3};
 use proptest::prelude::*;
@@ -10,7 +10,7 @@ use proptest::prelude::*;
 const ROUNDING: f32 = 2e-5;
 
 fn config() -> impl Strategy<Value = JointConfig> {
-    prop::array::uniform7(-2.5_f32..2.5).prop_map(JointConfig)
+    prop::array::uniform7(-2.5_f32..2.5).prop_map(JointConfig::new)
 }
 
 fn position() -> impl Strategy<Value = Vec3> {
@@ -64,30 +64,38 @@ fn gantry(radius: f32) -> ArmSpheres {
         DQuat::from_rotation_x(-core::f64::consts::FRAC_PI_2),
     ];
     let axes = [turns[0], turns[0].inverse() * turns[1], turns[1].inverse()];
-    let slide = |rotation| ChainJoint {
+    let slide = |rotation| Joint {
         name: "slide".to_owned(),
-        parent_from_joint: DPose3::from_parts(DVec3::ZERO, rotation),
-        motion: Motion::Slide,
+        origin: JointOrigin::Fixed(DPose3::from_parts(DVec3::ZERO, rotation)),
+        motion: JointMotion::Slide,
         lower: -2.0,
         upper: 2.0,
+        is_continuous: false,
         max_velocity: 1.0,
+        max_acceleration: f32::INFINITY,
     };
     let spheres = vec![Sphere { center: Vec3::ZERO, radius }];
-    let ball = ChainLink {
+    let ball = Link {
         name: "ball".to_owned(),
         body: 3,
         body_from_link: DPose3::IDENTITY,
+        body_from_shapes: DPose3::IDENTITY,
         spheres,
+        capsules: Vec::new(),
         overshoot: 0.0,
     };
-    let chain = Chain {
+    let chain = Robot {
         name: "gantry".to_owned(),
         joints: axes.map(slide).to_vec(),
-        body_from_tip: DPose3::IDENTITY,
+        body_from_flange: DPose3::IDENTITY,
+        flange_from_grip: DPose3::IDENTITY,
         links: vec![ball],
         allowed_self_collisions: Vec::new(),
+        start: JointConfig::new([0.0; 3]),
+        gripper: None,
+        workspace_center: None,
     };
-    ArmSpheres::from_chain(&chain).unwrap()
+    ArmSpheres::from_description(&chain).unwrap()
 }
 
 fn solids(at: &[Vec3], turn: [f32; 3], size: f32) -> Vec<Primitive> {
@@ -145,7 +153,7 @@ proptest! {
         let distance = solid.distance(ball);
         prop_assume!((distance - radius).abs() > ROUNDING);
         let scene = Scene::from_primitives(vec![solid]);
-        let config = JointConfig([ball.x, ball.y, ball.z, 0.0, 0.0, 0.0, 0.0]);
+        let config = JointConfig::new([ball.x, ball.y, ball.z]);
         for level in levels() {
             prop_assert_eq!(scene.is_free(&at_level(&gantry(radius), level), &config), distance > radius, "{:?}", level);
         }
@@ -162,7 +170,7 @@ proptest! {
         points in prop::collection::vec(position(), 0..20),
         n_steps in 1..80_usize,
     ) {
-        let b = JointConfig(core::array::from_fn(|j| a[j] + to[j]));
+        let b = JointConfig::from_fn(7, |j| a[j] + to[j]);
         let scene = Scene::from_primitives(solids(&at, turn, 0.1)).with_points(&points, 0.02);
         let arm = ArmSpheres::new(&stick_arm());
         let n = n_steps.next_multiple_of(8);
@@ -183,7 +191,7 @@ fn the_arm_that_folds_into_itself_is_not_free_and_its_start_is() {
     let robot = stick_arm();
     let arm = ArmSpheres::new(&robot);
     assert!(Scene::empty().is_free(&arm, &robot.start));
-    let folded = JointConfig([0.0, -1.7, 0.0, -3.0, 0.0, 0.0, 0.0]);
+    let folded = JointConfig::new([0.0, -1.7, 0.0, -3.0, 0.0, 0.0, 0.0]);
     assert!(!Scene::empty().is_free(&arm, &folded));
 }
 
@@ -289,17 +297,17 @@ fn an_obstacle_of_which_nobody_knows_where_it_is_leaves_nothing_free() {
 
 #[test]
 fn an_arm_of_too_many_links_is_refused() {
-    let mut chain = Chain::from_robot(&stick_arm());
+    let mut chain = stick_arm().described();
     let link = chain.links[1].clone();
     chain.links.extend((0..MAX_LINKS).map(|_| link.clone()));
-    assert!(ArmSpheres::from_chain(&chain).unwrap_err().to_string().contains("at most 32"));
+    assert!(ArmSpheres::from_description(&chain).unwrap_err().to_string().contains("at most 32"));
 }
 
 #[test]
 fn a_resolution_beyond_all_bounds_is_one_that_ends() {
     let arm = gantry(0.1);
     let scene = Scene::from_primitives(vec![Primitive::Sphere { center: Vec3::ZERO, radius: 0.1 }]);
-    let [a, b] = [-1.0, 1.0].map(|x| JointConfig([x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
+    let [a, b] = [-1.0, 1.0].map(|x| JointConfig::new([x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
     assert!(!MotionChecker::new(&scene, &arm, f32::MAX).motion_is_free(&a, &b));
     assert!(!MotionChecker::new(&scene, &arm, f32::INFINITY).motion_is_free(&a, &b));
 }

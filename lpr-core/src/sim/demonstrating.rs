@@ -15,6 +15,7 @@ use crate::path::{JointPath, RrtSettings, rrt_connect, shortcut};
 use crate::rng::Rng;
 use crate::robot::{JointConfig, Robot};
 use crate::scene::{ArmSpheres, MotionChecker, Scene};
+use std::sync::Arc;
 
 /// Planner of the demonstrator's free motions.
 const PLANNER: RrtSettings =
@@ -66,7 +67,7 @@ pub fn demonstrate(env: &mut SimEnvironment, rng: &mut Rng) -> Demonstration {
 
 /// The path of one step from where the arm is.
 fn motion(env: &mut SimEnvironment, step: &PlanStep, rng: &mut Rng) -> Option<JointPath> {
-    let robot = env.robot();
+    let robot = &Arc::clone(env.robot());
     let goal = match step {
         PlanStep::Prescribed(path) => return Some(path.clone()),
         PlanStep::Free(config) => *config,

@@ -31,7 +31,7 @@ const SETTLE_STEPS: usize = 10;
 pub struct SimEnvironment {
     task: Arc<Task>,
     variation: usize,
-    robot: &'static Robot,
+    robot: Arc<Robot>,
     params: SimParams,
     timing: TimingSettings,
     cameras: Arc<[String]>,
@@ -50,7 +50,7 @@ impl SimEnvironment {
     /// When a camera is unknown or the scene cannot be placed.
     pub fn new(
         task: &Arc<Task>,
-        robot: &'static Robot,
+        robot: &Arc<Robot>,
         seed: u64,
         cameras: &[&str],
         params: &SimParams,
@@ -66,7 +66,7 @@ impl SimEnvironment {
     pub fn of_variation(
         task: &Arc<Task>,
         variation: usize,
-        robot: &'static Robot,
+        robot: &Arc<Robot>,
         seed: u64,
         cameras: &[&str],
         params: &SimParams,
@@ -85,7 +85,7 @@ impl SimEnvironment {
     /// # Errors
     ///
     /// When its task is unknown or the scene cannot be built.
-    pub fn in_scene(spec: SceneSpec, robot: &'static Robot, params: &SimParams) -> Result<Self> {
+    pub fn in_scene(spec: SceneSpec, robot: &Arc<Robot>, params: &SimParams) -> Result<Self> {
         spec.check()?;
         let task = Task::by_name(&spec.task)?;
         let scene = TaskScene { spec, waypoints: Vec::new() };
@@ -101,16 +101,17 @@ impl SimEnvironment {
     /// A placed task without cameras.
     fn of(
         task: Arc<Task>,
-        robot: &'static Robot,
+        robot: &Arc<Robot>,
         PlacedTask { scene, plan, rejected, .. }: PlacedTask,
         params: &SimParams,
     ) -> Result<Self> {
+        robot.workspace_center()?;
         let world = settled(World::new(Arc::new(scene.spec), robot, robot.start, params)?);
         let drawing = Drawing::new(&world)?;
         Ok(Self {
             task,
             variation: 0,
-            robot,
+            robot: Arc::clone(robot),
             params: params.clone(),
             timing: TimingSettings { max_velocity: 1.0, max_acceleration: 4.0 },
             cameras: Arc::default(),
@@ -161,7 +162,7 @@ impl SimEnvironment {
     /// when the arm cannot do that.
     #[must_use]
     pub fn with_goals(&self, goals: &[NextBestPose], rng: &mut Rng) -> Option<Self> {
-        let plan = self.plan.with_goals(self.robot, &self.robot.start, goals, rng)?;
+        let plan = self.plan.with_goals(&self.robot, &self.robot.start, goals, rng)?;
         Some(Self { plan: Arc::new(plan), ..self.clone() })
     }
 
@@ -177,7 +178,7 @@ impl SimEnvironment {
             body.kind = BodyKind::Dynamic;
         }
         let world =
-            settled(World::new(Arc::new(spec), self.robot, self.robot.start, &self.params)?);
+            settled(World::new(Arc::new(spec), &self.robot, self.robot.start, &self.params)?);
         Ok(Self { world, step: 0, ..self.clone() })
     }
 
@@ -200,7 +201,7 @@ impl SimEnvironment {
     /// As [`World::new`].
     pub fn around(&self, config: JointConfig) -> Result<Self> {
         let spec = Arc::new(self.world.spec().clone());
-        let world = settled(World::new(spec, self.robot, config, &self.params)?);
+        let world = settled(World::new(spec, &self.robot, config, &self.params)?);
         Ok(Self { world, step: 0, ..self.clone() })
     }
 
@@ -235,7 +236,8 @@ impl SimEnvironment {
             Grasp::Nothing => Held::Nothing,
             Grasp::Pinched | Grasp::Attached { .. } => Held::Object,
         };
-        observed_obstacles(self.robot, &self.observe(), goal, holding)
+        let observation = self.observe();
+        observed_obstacles(&self.robot, &observation, goal, holding)
     }
 
     /// The report of cameras and arm now; a simulator never fails.
@@ -247,7 +249,7 @@ impl SimEnvironment {
         let proprio = Proprio {
             joints: *self.world.config(),
             gripper_width: width,
-            gripper_open: Proprio::openness(width, self.robot.gripper.max_width),
+            gripper_open: Proprio::openness(width, self.world.gripper_spec().max_width),
             finger_positions: [0.5 * width; 2],
             grip: self.robot.grip(self.world.config()),
             time: time_feature(self.step, EPISODE_LENGTH),
@@ -268,13 +270,13 @@ fn settled(mut world: World) -> World {
 }
 
 impl Environment for SimEnvironment {
-    fn robot(&self) -> &'static Robot {
-        self.robot
+    fn robot(&self) -> &Arc<Robot> {
+        &self.robot
     }
 
     fn reset(&mut self, seed: u64) -> Result<()> {
-        let placed = place(&self.task, self.variation, self.robot, seed)?;
-        let fresh = Self::of(Arc::clone(&self.task), self.robot, placed, &self.params)?;
+        let placed = place(&self.task, self.variation, &self.robot, seed)?;
+        let fresh = Self::of(Arc::clone(&self.task), &self.robot, placed, &self.params)?;
         let sensing = self.sensing().cloned();
         *self = Self {
             variation: self.variation,

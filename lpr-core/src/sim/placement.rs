@@ -15,6 +15,7 @@ use crate::scene::{Part, Shape};
 use glamx::{Pose3, Quat, Vec2, Vec3};
 use rand::RngExt as _;
 use rapier3d::parry::bounding_volume::BoundingVolume as _;
+use std::sync::Arc;
 
 /// Draws before a scene is given up.
 const MAX_DRAWS: u64 = 200;
@@ -61,12 +62,7 @@ impl Rejected {
 /// # Errors
 ///
 /// When there is no such variation, or 200 draws give no placement that the arm can do.
-pub fn place(
-    task: &Task,
-    variation: usize,
-    robot: &'static Robot,
-    seed: u64,
-) -> Result<PlacedTask> {
+pub fn place(task: &Task, variation: usize, robot: &Arc<Robot>, seed: u64) -> Result<PlacedTask> {
     task.check_variation(variation)?;
     let mut rejected = Rejected::default();
     for draw in 0..MAX_DRAWS {
@@ -100,7 +96,8 @@ fn draw_placement(
     let Placement { center, half_range, max_yaw } = task.placement;
     let mut symmetric = || 2.0 * rng.random::<f32>() - 1.0;
     let yaw = max_yaw * symmetric();
-    let origin = robot.workspace_center + center + half_range * Vec2::new(symmetric(), symmetric());
+    let workspace_center = robot.workspace_center.unwrap_or_default();
+    let origin = workspace_center + center + half_range * Vec2::new(symmetric(), symmetric());
     let world_from_task = Pose3::from_parts(origin.extend(0.0), Quat::from_rotation_z(yaw));
     let mut scene = task.scene(variation, rng).placed(&world_from_task);
     if touches_start(robot, &scene) {

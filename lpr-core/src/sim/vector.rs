@@ -68,7 +68,7 @@ impl VectorEnvironment {
     /// As [`SimEnvironment::new`], of the first scene that fails.
     pub fn new(
         task: &Arc<Task>,
-        robot: &'static Robot,
+        robot: &Arc<Robot>,
         seeds: Range<u64>,
         cameras: &[&str],
         params: &SimParams,

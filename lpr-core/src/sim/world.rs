@@ -27,7 +27,7 @@ use super::scene::{Condition, JointSpec, SceneSpec};
 use crate::digest;
 use crate::env::InvalidAction;
 use crate::error::{Error, Result};
-use crate::robot::{DOF, Gripper, JointConfig, N_LINKS, Robot};
+use crate::robot::{DOF, Gripper, GripperSpec, JointConfig, N_LINKS, Robot};
 use crate::scene::Part;
 use fixed::{FixedPart, fixed_parts};
 use glamx::Pose3;
@@ -42,7 +42,8 @@ use std::sync::Arc;
 pub struct World {
     physics: Physics,
     params: SimParams,
-    robot: &'static Robot,
+    robot: Arc<Robot>,
+    gripper_spec: GripperSpec,
     spec: Arc<SceneSpec>,
     bodies: Vec<RigidBodyHandle>,
     joints: Vec<ImpulseJointHandle>,
@@ -71,10 +72,11 @@ impl World {
     /// When a joint of the scene joins a body to itself or names one that is not there.
     pub fn new(
         spec: Arc<SceneSpec>,
-        robot: &'static Robot,
+        robot: &Arc<Robot>,
         config: JointConfig,
         params: &SimParams,
     ) -> Result<Self> {
+        let gripper_spec = hand_of(robot)?;
         let mut physics = Physics::new(params);
         let bodies: Vec<_> =
             spec.bodies.iter().map(|body| physics.insert_body(body, params)).collect();
@@ -87,10 +89,10 @@ impl World {
             let parts = link_parts(robot, link);
             physics.insert_robot_body(frames[link], &parts, params.pad_friction)
         });
-        let width = robot.gripper.max_width;
+        let width = gripper_spec.max_width;
         let grip = robot.grip(&config);
         let fingers = finger_poses(&grip, width, 0.0);
-        let finger_parts = finger_parts(&robot.gripper);
+        let finger_parts = finger_parts(&gripper_spec);
         let fingers = core::array::from_fn(|side| {
             physics.insert_robot_body(fingers[side], &finger_parts[side], params.pad_friction)
         });
@@ -98,7 +100,8 @@ impl World {
         Ok(Self {
             physics,
             params: params.clone(),
-            robot,
+            robot: Arc::clone(robot),
+            gripper_spec,
             spec,
             bodies,
             joints,
@@ -106,7 +109,7 @@ impl World {
             balls,
             links,
             fingers,
-            gripper: GripperState::open(&robot.gripper),
+            gripper: GripperState::open(&gripper_spec),
             config,
         })
     }
@@ -120,7 +123,7 @@ impl World {
     pub fn step(&mut self, config: &JointConfig) -> Result<(), InvalidAction> {
         self.check_speed(config)?;
         let last = core::mem::replace(&mut self.config, *config);
-        self.gripper.advance(&self.params, &self.robot.gripper);
+        self.gripper.advance(&self.params, &self.gripper_spec);
         let (frames, grip) = self.robot.link_frames_and_grip(config);
         // Kinematic bodies are told where they are to be at the end of the step: rapier gives them
         // the velocity for it, with which they push what they meet.
@@ -158,10 +161,16 @@ impl World {
         self.gripper.command = command;
     }
 
+    /// The gripper.
+    #[must_use]
+    pub const fn gripper_spec(&self) -> &GripperSpec {
+        &self.gripper_spec
+    }
+
     /// Tells if the gripper has reached what it was commanded to, or something that stops it.
     #[must_use]
     pub fn gripper_settled(&self) -> bool {
-        self.gripper.settled(&self.params, &self.robot.gripper)
+        self.gripper.settled(&self.params, &self.gripper_spec)
     }
 
     /// The gripper's grasp.
@@ -184,8 +193,8 @@ impl World {
 
     /// The robot.
     #[must_use]
-    pub fn robot(&self) -> &'static Robot {
-        self.robot
+    pub fn robot(&self) -> &Arc<Robot> {
+        &self.robot
     }
 
     /// The scene it was built from.
@@ -279,6 +288,18 @@ fn insert_joints(
         ))),
     };
     spec.joints.iter().map(insert).collect()
+}
+
+/// The gripper of a robot that can be simulated: seven joints and a hand.
+fn hand_of(robot: &Robot) -> Result<GripperSpec> {
+    let found = (robot.dof(), robot.links.len());
+    if found != (DOF, N_LINKS) {
+        return Err(Error::Robot(format!(
+            "{}: expected {DOF} joints and {N_LINKS} links to simulate, found {} and {}",
+            robot.name, found.0, found.1
+        )));
+    }
+    robot.gripper().copied()
 }
 
 #[cfg(test)]

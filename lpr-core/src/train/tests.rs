@@ -8,6 +8,7 @@ use crate::perception::Observation;
 use crate::q_attention::NextBestPose;
 use crate::robot::{Gripper, PANDA, Robot};
 use crate::toy::Toy;
+use std::sync::Arc;
 
 use glamx::Vec3;
 
@@ -155,7 +156,7 @@ impl Stuck {
 }
 
 impl Environment for Stuck {
-    fn robot(&self) -> &'static Robot {
+    fn robot(&self) -> &Arc<Robot> {
         self.toy.robot()
     }
 
@@ -251,7 +252,7 @@ struct Failing {
 }
 
 impl Environment for Failing {
-    fn robot(&self) -> &'static Robot {
+    fn robot(&self) -> &Arc<Robot> {
         self.toy.robot()
     }
 

@@ -6,11 +6,11 @@ use lpr_core::sim::tasks::Task;
 use std::sync::Arc;
 
 /// The option that chooses the arm.
-#[derive(Debug, Clone, Copy, Args)]
+#[derive(Debug, Clone, Args)]
 pub(super) struct RobotArgument {
     /// The arm: xarm7 or panda
-    #[arg(long, value_name = "NAME", value_parser = Robot::by_name, default_value = ROBOTS[0].name)]
-    pub(super) robot: &'static Robot,
+    #[arg(long, value_name = "NAME", value_parser = Robot::by_name, default_value = &*ROBOTS[0].name)]
+    pub(super) robot: Arc<Robot>,
 }
 
 /// The argument that chooses the task.

@@ -3,7 +3,7 @@
 
 use super::failure::{Failure, Result};
 use crate::files::{self, FileError};
-use lpr_core::robot::{Chain, DOF, JointConfig, ROBOTS, Robot};
+use lpr_core::robot::{JointConfig, ROBOTS, Robot};
 use std::path::{Path, PathBuf};
 
 /// Most bytes of a description or mesh.
@@ -13,7 +13,7 @@ const MAX_BYTES: u64 = 256 << 20;
 #[derive(Debug, Clone, clap::Args)]
 pub(super) struct ArmArguments {
     /// The arm: xarm7, panda or a URDF file
-    #[arg(long, value_name = "NAME|FILE.urdf", default_value = ROBOTS[0].name)]
+    #[arg(long, value_name = "NAME|FILE.urdf", default_value = &*ROBOTS[0].name)]
     robot: String,
     /// SRDF of a URDF file: its first group that is a chain, and which links may touch
     #[arg(long, value_name = "FILE")]
@@ -27,7 +27,8 @@ pub(super) struct ArmArguments {
 /// An arm with what is known of its kinematics.
 #[derive(Debug)]
 pub(super) struct Arm {
-    pub(super) chain: Chain,
+    /// Of a built-in arm its description: the flange is its grip.
+    pub(super) robot: Robot,
     /// The built-in arm with the same kinematics, and the tip as its grip.
     pub(super) closed_form: Option<Robot>,
     /// Configuration at which the search for solutions starts.
@@ -50,23 +51,22 @@ impl ArmArguments {
             }
             let robot = Robot::by_name(&self.robot)
                 .map_err(|error| Failure::Usage(format!("--robot: {error}, or a FILE.urdf")))?;
-            return Ok(Arm::new(Chain::from_robot(robot)));
+            return Ok(Arm::new(robot.described()));
         }
         let urdf = read_text(path)?;
         let srdf = self.srdf.as_deref().map(read_text).transpose()?;
         let folder = path.parent().unwrap_or_else(|| Path::new(""));
         let meshes = |name: &str| find_mesh(folder, name);
-        let chain = Chain::from_urdf(&urdf, srdf.as_deref(), self.tip.as_deref(), &meshes);
-        Ok(Arm::new(chain.map_err(|error| FileError::content(path, error.to_string()))?))
+        let robot = Robot::from_urdf(&urdf, srdf.as_deref(), self.tip.as_deref(), &meshes);
+        Ok(Arm::new(robot.map_err(|error| FileError::content(path, error.to_string()))?))
     }
 }
 
 impl Arm {
-    fn new(chain: Chain) -> Self {
-        let closed_form = chain.as_built_in();
-        let middle = chain.limits().map(|(lower, upper)| 0.5 * (lower + upper));
-        let start = closed_form.as_ref().map_or(JointConfig(middle), |robot| robot.start);
-        Self { chain, closed_form, start }
+    fn new(robot: Robot) -> Self {
+        let closed_form = robot.as_built_in();
+        let start = closed_form.as_ref().map_or(robot.start, |built_in| built_in.start);
+        Self { robot, closed_form, start }
     }
 
     /// Refuses a file that is for another of the built-in arms. What other arms are called is up to
@@ -83,12 +83,12 @@ impl Arm {
 
     /// The configuration that a file has in `field`: one number for each joint.
     pub(super) fn config(&self, values: &[f32], path: &Path, field: &str) -> Result<JointConfig> {
-        let dof = self.chain.dof();
+        let dof = self.robot.dof();
         if values.len() != dof {
             let reason = format!(
                 "{field}: has {} joint angles, {} has {dof}",
                 values.len(),
-                self.chain.name
+                self.robot.name
             );
             return Err(FileError::content(path, reason).into());
         }
@@ -99,14 +99,12 @@ impl Arm {
             )
             .into());
         }
-        let mut config = [0.0; DOF];
-        config[..dof].copy_from_slice(values);
-        Ok(JointConfig(config))
+        Ok(JointConfig::from_fn(dof, |j| values[j]))
     }
 
     /// The joints that there are.
     pub(super) fn joints(&self, config: &JointConfig) -> Vec<f32> {
-        config[..self.chain.dof()].to_vec()
+        config.to_vec()
     }
 }
 
@@ -142,10 +140,10 @@ mod tests {
         fn a_configuration_in_a_file_has_the_arms_joints_or_is_refused_by_its_field(
             values in prop::collection::vec(prop_oneof![8 => -3.0_f32..3.0, 1 => prop::num::f32::ANY], 5..9),
         ) {
-            let arm = Arm::new(Chain::from_robot(ROBOTS[0]));
+            let arm = Arm::new(ROBOTS[0].described());
             let read = arm.config(&values, Path::new("a.json"), "configs[4]");
             let broken = values.iter().position(|q| !q.is_finite());
-            match (values.len() == DOF, broken, read) {
+            match (values.len() == 7, broken, read) {
                 (true, None, Ok(config)) => prop_assert_eq!(arm.joints(&config), values),
                 (true, Some(joint), Err(error)) => {
                     let field = format!("configs[4][{joint}]");

@@ -44,7 +44,7 @@ pub(super) struct Arguments {
 #[derive(Debug, Serialize)]
 pub(super) struct Report {
     task: String,
-    robot: &'static str,
+    robot: String,
     variation: usize,
     quantised: bool,
     friction_grasps: bool,
@@ -97,7 +97,7 @@ fn demonstrate_all(arguments: &Arguments, directory: Option<&Path>) -> Result<Re
     } = arguments;
     let mut report = Report {
         task: task.name.clone(),
-        robot: robot.name,
+        robot: robot.name.clone(),
         variation: arguments.variation,
         quantised: *quantised,
         friction_grasps: arguments.friction_grasps,

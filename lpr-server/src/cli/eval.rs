@@ -47,7 +47,7 @@ pub(super) struct Arguments {
     checkpoint: Option<PathBuf>,
     /// The arm: xarm7 or panda [default: that of the run, else xarm7]
     #[arg(long, value_name = "NAME", value_parser = Robot::by_name)]
-    robot: Option<&'static Robot>,
+    robot: Option<Arc<Robot>>,
     /// Input of the choice of poses: the cameras' images (own), an image without points, or the
     /// start of another scene
     #[arg(long, value_enum, default_value_t = Observations::Own)]
@@ -116,7 +116,7 @@ pub(super) fn evaluation_report(task: &str, method: &str, found: &Evaluation) ->
 pub(super) fn run(arguments: &Arguments) -> Result<EvalReport> {
     let seeds = scene_seeds(arguments)?;
     let Subject { agent, task, robot, cameras, config, method } = subject(arguments)?;
-    let mut environment = simulator(&task, robot, &cameras, &config)?;
+    let mut environment = simulator(&task, &robot, &cameras, &config)?;
     let best = method == BEST_OF_ALL;
     let found = match arguments.observations.shown() {
         Some(_) if agent.poses() == PoseSource::Oracle || best || arguments.regret => {
@@ -147,7 +147,7 @@ fn scene_seeds(arguments: &Arguments) -> Result<Range<u64>> {
 struct Subject {
     agent: Agent,
     task: Arc<Task>,
-    robot: &'static Robot,
+    robot: Arc<Robot>,
     cameras: Vec<String>,
     config: Config,
     method: String,
@@ -174,11 +174,11 @@ fn trained(arguments: &Arguments, run: &Path) -> Result<Subject> {
     let mut saved = run_directory::latest_agent(run)?;
     let task = Task::by_name(&saved.header.run.task)
         .map_err(|error| FileError::content(run, error.to_string()))?;
-    let robot = saved.agent.robot();
-    if let Some(asked) = arguments.robot
+    let robot = Arc::clone(saved.agent.robot());
+    if let Some(asked) = &arguments.robot
         && asked.name != robot.name
     {
-        return Err(foreign(run, "robot", robot.name, asked.name));
+        return Err(foreign(run, "robot", &robot.name, &asked.name));
     }
     let own = saved.agent.method().name();
     let method = arguments.method.as_deref().unwrap_or(own);
@@ -205,7 +205,7 @@ fn task(name: &str) -> Result<Arc<Task>> {
 /// A method without weights, on the demonstrator's poses.
 fn untrained(arguments: &Arguments) -> Result<Subject> {
     let task = task(&arguments.subject)?;
-    let robot = arguments.robot.unwrap_or(ROBOTS[0]);
+    let robot = arguments.robot.clone().unwrap_or_else(|| Arc::clone(ROBOTS[0]));
     let config = load_config("fast")?;
     let name = arguments.method.clone().unwrap_or_else(|| Method::C2fArm.name().to_owned());
     let unknown = |error: lpr_core::Error| Failure::Usage(format!("{error}, {BEST_OF_ALL}"));
@@ -222,8 +222,8 @@ fn untrained(arguments: &Arguments) -> Result<Subject> {
     }
     let init = Init { backend: Backend::Flex, seed: arguments.seed };
     let networks =
-        Networks::new(config.network_settings(), robot, method, PoseSource::Oracle, init)?;
-    let agent = Agent::new(config.agent_settings(), robot, method, networks);
+        Networks::new(config.network_settings(), &robot, method, PoseSource::Oracle, init)?;
+    let agent = Agent::new(config.agent_settings(), &robot, method, networks);
     Ok(Subject { agent, task, robot, cameras: default_cameras(), config, method: name })
 }
 

@@ -27,7 +27,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
     let configs = formats::read_configs(&arguments.configs)?;
     let pose = |(idx, config): (usize, &Vec<f32>)| {
         let config = arm.config(config, &arguments.configs, &format!("configs[{idx}]"))?;
-        Ok(arm.chain.tip_f64(&config).into())
+        Ok(arm.robot.flange(&config).into())
     };
     Ok(Report { poses: configs.iter().enumerate().map(pose).collect::<Result<_>>()? })
 }

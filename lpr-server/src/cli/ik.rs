@@ -85,7 +85,7 @@ fn solutions(
     match &arm.closed_form {
         Some(robot) if n == 1 => robot.ik_nearest(world_from_tip, near).into_iter().collect(),
         Some(robot) => robot.ik_distinct(world_from_tip, n, MIN_DISTANCE, near, rng),
-        None => arm.chain.ik(world_from_tip, near, n, MIN_DISTANCE, rng),
+        None => arm.robot.ik(world_from_tip, near, n, MIN_DISTANCE, rng),
     }
 }
 

@@ -97,7 +97,7 @@ pub(super) fn check_keyframe(task: &Task, keyframe: usize) -> Result<()> {
 #[derive(Debug, Serialize)]
 pub(super) struct Report {
     task: String,
-    robot: &'static str,
+    robot: String,
     episodes: u32,
     /// Scene seeds whose demonstration failed, so that they have no keyframes.
     skipped_seeds: Vec<u64>,
@@ -228,7 +228,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
     }
     Ok(Report {
         task: task.name.clone(),
-        robot: robot.name,
+        robot: robot.name.clone(),
         episodes: *episodes,
         skipped_seeds,
         candidates: drawn.iter().flat_map(Drawn::rows).collect(),
@@ -262,8 +262,8 @@ impl Proposer {
             });
         };
         let SavedAgent { header, agent } = load_agent(&run_directory::latest(run)?.1.weights)?;
-        let robot = arguments.robot.robot.name;
-        if header.robot != robot {
+        let robot = &arguments.robot.robot.name;
+        if header.robot != *robot {
             let reason = format!(
                 "--checkpoint {}: of the robot {}, asked for {robot}",
                 run.display(),
@@ -292,7 +292,7 @@ impl Proposer {
     fn snapshots(
         &self,
         task: &Arc<Task>,
-        robot: &'static Robot,
+        robot: &Arc<Robot>,
         seed: u64,
     ) -> Option<Vec<KeyframeSnapshot>> {
         let mut env = SimEnvironment::new(task, robot, seed, &self.cameras, &self.params).ok()?;

@@ -10,6 +10,7 @@ use lpr_core::sim::{PlacedTask, Rejected, place};
 use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 use serde::Serialize;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 /// Side of the cells that coverage is counted in, metres.
 const CELL: f32 = 0.05;
@@ -37,7 +38,7 @@ pub(super) struct Arguments {
 #[derive(Debug, Serialize)]
 pub(super) struct Report {
     task: String,
-    robot: &'static str,
+    robot: String,
     scenes: u32,
     /// Scenes for which no draw was feasible.
     unplaced: usize,
@@ -109,7 +110,7 @@ pub(super) fn run(arguments: &Arguments) -> Report {
     let most = places.iter().map(|place| place.at).reduce(Vec2::max).unwrap_or_default();
     Report {
         task: task.name.clone(),
-        robot: robot.name,
+        robot: robot.name.clone(),
         scenes,
         unplaced: placed.iter().filter(|placed| placed.is_none()).count(),
         rejected_at_the_arm: at_the_arm / draws,
@@ -123,7 +124,7 @@ pub(super) fn run(arguments: &Arguments) -> Report {
 /// For each scene, where it stands after which rejected draws; nothing when it cannot be placed.
 fn place_all(
     task: &Task,
-    robot: &'static Robot,
+    robot: &Arc<Robot>,
     seed: u64,
     scenes: u32,
 ) -> Vec<Option<(Rejected, Place)>> {

@@ -109,7 +109,7 @@ struct Summary {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Report> {
     let arm = arguments.arm.load()?;
-    let spheres = ArmSpheres::from_chain(&arm.chain)?;
+    let spheres = ArmSpheres::from_description(&arm.robot)?;
     let file = problems::read_problems(&arguments.problems)?;
     arm.check_name(&file.robot, &arguments.problems)?;
     let mut results = Vec::new();
@@ -190,7 +190,7 @@ impl Query {
         planner: PlannerKind,
         idx: u64,
     ) -> Result<Plan, Rejection> {
-        if !arm.chain.within_limits(&self.start) {
+        if !arm.robot.within_limits(&self.start) {
             return Err(Rejection::OutsideLimits);
         }
         let rng = &mut rng::stream(arguments.seed, Stream::Planner, idx);

@@ -158,7 +158,7 @@ fn start(arguments: &Arguments) -> Result<SimEnvironment> {
     paths::check_keyframe(task, arguments.keyframe)?;
     Ok(SimEnvironment::new(
         task,
-        arguments.robot.robot,
+        &arguments.robot.robot,
         arguments.seed,
         &["front"],
         &SimParams::STANDARD,

@@ -1,7 +1,7 @@
 //! `lpr robots`: the built-in robots.
 
 use core::fmt;
-use lpr_core::robot::{DOF, ROBOTS};
+use lpr_core::robot::ROBOTS;
 use serde::Serialize;
 
 /// The built-in robots, the default first.
@@ -12,19 +12,19 @@ pub(super) struct Report {
 
 #[derive(Debug, Serialize)]
 struct RobotRow {
-    name: &'static str,
+    name: String,
     dof: usize,
     /// Lower and upper limit of each joint from the base, radians.
-    limits: [[f32; 2]; DOF],
+    limits: Vec<[f32; 2]>,
 }
 
 pub(super) fn run() -> Report {
     let row = |robot: &lpr_core::robot::Robot| RobotRow {
-        name: robot.name,
-        dof: DOF,
-        limits: robot.joints.map(|joint| [joint.lower, joint.upper]),
+        name: robot.name.clone(),
+        dof: robot.dof(),
+        limits: robot.joints.iter().map(|joint| [joint.lower, joint.upper]).collect(),
     };
-    Report { robots: ROBOTS.into_iter().map(row).collect() }
+    Report { robots: ROBOTS.iter().map(|robot| row(robot)).collect() }
 }
 
 impl fmt::Display for Report {

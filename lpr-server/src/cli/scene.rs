@@ -26,7 +26,7 @@ pub(super) struct Arguments {
 pub(super) struct Report {
     file: PathBuf,
     task: String,
-    robot: &'static str,
+    robot: String,
     seed: u64,
     bodies: Vec<String>,
     joints: Vec<String>,
@@ -43,7 +43,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
     Ok(Report {
         file: out.clone(),
         task: task.name.clone(),
-        robot: robot.name,
+        robot: robot.name.clone(),
         seed: *seed,
         bodies,
         joints,

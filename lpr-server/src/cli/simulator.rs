@@ -11,7 +11,7 @@ use std::sync::Arc;
 /// The simulator with a configuration's settings.
 pub(super) fn simulator(
     task: &Arc<Task>,
-    robot: &'static Robot,
+    robot: &Arc<Robot>,
     cameras: &[String],
     config: &Config,
 ) -> Result<SimEnvironment> {

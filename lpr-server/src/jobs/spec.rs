@@ -63,7 +63,7 @@ pub struct JobSpec {
 }
 
 fn default_robot() -> String {
-    ROBOTS[0].name.to_owned()
+    ROBOTS[0].name.clone()
 }
 
 fn default_method() -> String {

@@ -24,10 +24,10 @@ const MAX_DURATION: f64 = 7.6e3;
 /// use lpr_core::robot::JointConfig;
 /// use lpr_xarm::point_to_point::{NoMotion, point_to_point};
 ///
-/// let rest = JointState::at_rest(&JointConfig([0.0; 7]));
+/// let rest = JointState::at_rest(&JointConfig::new([0.0; 7]));
 /// let motion = |goal: f32, velocity: f64| {
 ///     let limits = MotionLimits { velocity: [velocity; 7], acceleration: [1.0; 7], jerk: None };
-///     point_to_point(&rest, &JointConfig([goal; 7]), &limits)
+///     point_to_point(&rest, &JointConfig::new([goal; 7]), &limits)
 /// };
 /// assert!(matches!(motion(1.0, -1.0), Err(NoMotion::Input(_))));
 /// assert_eq!(motion(1.0, 1e-4).unwrap_err(), NoMotion::TooLong, "10000 s");
@@ -58,7 +58,7 @@ pub enum NoMotion {
 /// use lpr_core::robot::JointConfig;
 /// use lpr_xarm::point_to_point::point_to_point;
 ///
-/// let (start, goal) = (JointConfig([0.0; 7]), JointConfig([0.3; 7]));
+/// let (start, goal) = (JointConfig::new([0.0; 7]), JointConfig::new([0.3; 7]));
 /// let limits = MotionLimits { velocity: [1.0; 7], acceleration: [4.0; 7], jerk: Some([40.0; 7]) };
 /// let motion = point_to_point(&JointState::at_rest(&start), &goal, &limits)?;
 /// let n_ticks = (motion.duration_secs() / 0.01).ceil() as u32;
@@ -107,7 +107,7 @@ type Profiles<const N: usize> = rsruckig::prelude::Trajectory<N>;
 /// use lpr_core::robot::JointConfig;
 /// use lpr_xarm::point_to_point::{NoMotion, point_to_point};
 ///
-/// let (start, goal) = (JointConfig([0.0; 7]), JointConfig([1.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0]));
+/// let (start, goal) = (JointConfig::new([0.0; 7]), JointConfig::new([1.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0]));
 /// let limits = MotionLimits { velocity: [1.0; 7], acceleration: [4.0; 7], jerk: None };
 /// let motion = point_to_point(&JointState::at_rest(&start), &goal, &limits)?;
 /// // A quarter of a second to speed up, as long to slow down, and 0.75 rad between at 1 rad/s.
@@ -128,7 +128,7 @@ pub fn point_to_point(
 ) -> Result<PointToPoint, NoMotion> {
     limits.check()?;
     check_finite(start, goal)?;
-    let angles = goal.0.map(f64::from);
+    let angles = goal.to_array::<DOF>().map(f64::from);
     let (duration, course) = if *start == standing(start.angles) {
         line(start.angles, angles, limits)?
     } else {
@@ -272,7 +272,7 @@ fn check_finite(start: &JointState, goal: &JointConfig) -> Result<(), Error> {
         return Err(Error::Shape {
             what: "goal",
             expected: expected(),
-            found: format!("{:?}", goal.0),
+            found: format!("{:?}", &goal[..]),
         });
     }
     Ok(())

@@ -9,6 +9,7 @@ pub use error::SafetyError;
 
 use core::f32::consts::PI;
 use lpr_core::robot::{JointConfig, Robot};
+use std::sync::Arc;
 
 /// Distance to keep from every joint limit, radians: 2°.
 const LIMIT_MARGIN: f32 = 0.035;
@@ -26,10 +27,10 @@ const FLOOR: f64 = 0.0;
 const ROUNDING: f64 = 1e-6;
 
 /// Limits that a path must keep.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct SafetyLimits {
     /// The arm, with its joint limits, speeds and accelerations.
-    pub robot: &'static Robot,
+    pub robot: Arc<Robot>,
     /// Seconds between two points.
     pub tick_secs: f64,
     /// Distance to keep from every joint limit, radians.
@@ -49,9 +50,9 @@ pub struct SafetyLimits {
 impl SafetyLimits {
     /// Those for paths that a learned agent chose.
     #[must_use]
-    pub const fn learned_agent(robot: &'static Robot, tick_secs: f64) -> Self {
+    pub fn learned_agent(robot: &Arc<Robot>, tick_secs: f64) -> Self {
         Self {
-            robot,
+            robot: Arc::clone(robot),
             tick_secs,
             limit_margin: LIMIT_MARGIN,
             start_tolerance: START_TOLERANCE,
@@ -146,7 +147,7 @@ pub fn check_path(
         joint_acceleration: 0.0,
         tcp_speed: 0.0,
         height: f64::INFINITY,
-        limit_distance: least_limit_distance(&points, limits.robot),
+        limit_distance: least_limit_distance(&points, &limits.robot),
     };
     check_speeds(&points, limits, &mut margins)?;
     // At rest before the first point and after the last.
@@ -260,7 +261,7 @@ fn check_tool(
     limits: &SafetyLimits,
     margins: &mut Margins,
 ) -> Result<(), SafetyError> {
-    let SafetyLimits { robot, tick_secs, max_tcp_speed, max_tcp_step, floor, .. } = *limits;
+    let SafetyLimits { ref robot, tick_secs, max_tcp_speed, max_tcp_step, floor, .. } = *limits;
     let mut before = None;
     for (index, point) in points.iter().enumerate() {
         let (flange, grip) = (robot.flange(point).translation, robot.grip_f64(point).translation);

@@ -83,9 +83,7 @@ struct Segment {
 
 impl Segment {
     fn at(&self, length: f64) -> JointConfig {
-        JointConfig(core::array::from_fn(|j| {
-            (f64::from(self.from[j]) + self.direction[j] * length) as f32
-        }))
+        JointConfig::from_fn(DOF, |j| (f64::from(self.from[j]) + self.direction[j] * length) as f32)
     }
 }
 
@@ -209,7 +207,7 @@ mod tests {
     const PACE: Pace = Pace { max_velocity: 0.5, max_acceleration: 2.0, tick_secs: 0.01 };
 
     fn path(configs: Vec<[f32; DOF]>) -> JointPath {
-        JointPath::new(configs.into_iter().map(JointConfig).collect()).unwrap()
+        JointPath::new(configs.into_iter().map(JointConfig::new).collect()).unwrap()
     }
 
     /// Random corners near the arm's start, at distances from one tick's motion to a radian.
@@ -219,7 +217,7 @@ mod tests {
             prop::sample::select(vec![1e-3_f32, 1e-2, 0.1, 0.4]),
         );
         prop::collection::vec(step, 1..30).prop_map(|steps| {
-            let mut at = XARM7.start.0;
+            let mut at = XARM7.start.to_array::<7>();
             let mut configs = vec![at];
             for (direction, scale) in steps {
                 for (j, (q, d)) in at.iter_mut().zip(direction).enumerate() {
@@ -309,9 +307,9 @@ mod tests {
 
     #[test]
     fn a_straight_path_takes_as_long_as_its_trapezoid() {
-        let mut goal = XARM7.start.0;
+        let mut goal = XARM7.start.to_array::<7>();
         goal[0] += 1.0;
-        let points = schedule(&path(vec![XARM7.start.0, goal]), &XARM7, &PACE);
+        let points = schedule(&path(vec![XARM7.start.to_array::<7>(), goal]), &XARM7, &PACE);
         // 1 rad at 0.5 rad/s and twice 0.25 s at half speed.
         assert_eq!(points.len(), 226);
         let limits = SafetyLimits::learned_agent(&XARM7, PACE.tick_secs);
@@ -321,7 +319,7 @@ mod tests {
     #[test]
     fn a_path_that_stays_is_its_two_ends() {
         assert_eq!(
-            schedule(&path(vec![XARM7.start.0; 3]), &XARM7, &PACE),
+            schedule(&path(vec![XARM7.start.to_array::<7>(); 3]), &XARM7, &PACE),
             [XARM7.start, XARM7.start]
         );
     }

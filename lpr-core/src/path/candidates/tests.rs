@@ -69,7 +69,7 @@ proptest! {
         seed in 0..1000_u64,
     ) {
         for robot in ROBOTS {
-            let at = (robot.workspace_center + Vec2::from_array(by)).extend(height);
+            let at = (robot.workspace_center().unwrap() + Vec2::from_array(by)).extend(height);
             let goal = Pose3::from_parts(at, Quat::from_rotation_x(core::f32::consts::PI) * Quat::from_rotation_z(yaw));
             let scene = tabletop(robot, &goal);
             check(&query(robot, &scene, goal), CandidateStreams { seed, step: 0 })?;

@@ -71,6 +71,9 @@ impl<C: Fn(f32) -> Pose3> Follower<'_, C> {
 
 /// True if some posture has that grip pose.
 fn is_in_reach(robot: &Robot, world_from_grip: &Pose3, near: &JointConfig) -> bool {
+    if !robot.has_closed_form() {
+        return robot.ik_nearest(world_from_grip, near).is_some();
+    }
     let joint = &robot.joints[DOF - 1];
     let (lower, upper) = (f64::from(joint.lower).max(-PI), f64::from(joint.upper).min(PI));
     (0..POSTURE_SAMPLES).any(|sample| {

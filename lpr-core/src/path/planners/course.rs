@@ -9,7 +9,7 @@ use super::plan::{Bounds, Plan, sample_within, sampling_bounds};
 use crate::path::joint_path::JointPath;
 use crate::path::rejection::Rejection;
 use crate::rng::Rng;
-use crate::robot::{DOF, JointConfig};
+use crate::robot::JointConfig;
 use crate::scene::{MotionChecker, Proximity};
 
 /// Element of the inverse of `K` for `n` waypoints between fixed ends: how far waypoint `i` follows
@@ -122,7 +122,7 @@ fn free_sample(checker: &MotionChecker<'_>, bounds: &Bounds, rng: &mut Rng) -> O
 }
 
 /// Adds `factor` times `direction` to a configuration.
-pub(super) fn shift(config: &mut JointConfig, direction: &[f32; DOF], factor: f32) {
+pub(super) fn shift(config: &mut JointConfig, direction: &[f32], factor: f32) {
     for (q, d) in config.iter_mut().zip(direction) {
         *q += factor * d;
     }
@@ -163,9 +163,8 @@ mod tests {
             radius: 0.05,
         }]);
         let checker = MotionChecker::new(&scene, &arm, 32.0);
-        let turned = |turn: f32| {
-            JointConfig(core::array::from_fn(|j| if j == 0 { turn } else { robot.start[j] }))
-        };
+        let turned =
+            |turn: f32| JointConfig::from_fn(7, |j| if j == 0 { turn } else { robot.start[j] });
         let course = straight_course(&turned(-1.0), &[], &turned(1.0), 19);
         let near = touches(&checker, &course, 4, REACH);
         assert!(!near.is_empty());

@@ -252,7 +252,7 @@ impl Side {
 
 /// The cell of a configuration.
 fn coordinates(config: &JointConfig, cell: f32) -> Coordinates {
-    core::array::from_fn(|j| libm::floorf(config[j] / cell) as i32)
+    config.to_array::<PROJECTED>().map(|q| libm::floorf(q / cell) as i32)
 }
 
 /// The cells next to one.
@@ -281,7 +281,7 @@ mod tests {
     use crate::scene::{ArmSpheres, Scene};
 
     fn at(q: [f32; PROJECTED]) -> JointConfig {
-        JointConfig([q[0], q[1], q[2], 0.0, 0.0, 0.0, 0.0])
+        JointConfig::new([q[0], q[1], q[2], 0.0, 0.0, 0.0, 0.0])
     }
 
     fn side(roots: &[JointConfig]) -> Side {

@@ -3,7 +3,7 @@
 use crate::path::joint_path::JointPath;
 use crate::path::rejection::Rejection;
 use crate::rng::Rng;
-use crate::robot::{DOF, JointConfig};
+use crate::robot::{DOF, JointConfig, JointRanges};
 use crate::scene::MotionChecker;
 use core::f32::consts::PI;
 use rand::RngExt as _;
@@ -11,8 +11,8 @@ use rand::RngExt as _;
 /// Resolution at which a path found is looked at, in resolutions of the search.
 pub const FINER: f32 = 2.0;
 
-/// A range for every joint, radians.
-pub(super) type Bounds = [(f32, f32); DOF];
+/// A range for every joint, radians or metres.
+pub(super) type Bounds = JointRanges;
 
 /// A path found, and what it took.
 ///
@@ -25,7 +25,7 @@ pub(super) type Bounds = [(f32, f32); DOF];
 /// let (scene, arm) = (Scene::empty(), ArmSpheres::new(&PANDA));
 /// let checker = MotionChecker::new(&scene, &arm, 32.0);
 /// let settings = RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 100 };
-/// let goal = JointConfig(PANDA.start.map(|q| q + 0.1));
+/// let goal = PANDA.start.map(|q| q + 0.1);
 /// let plan = rrt_connect(&checker, &PANDA.start, &[goal], &settings, &mut stream(0, Stream::Planner, 0)).unwrap();
 /// assert_eq!((plan.path.configs(), plan.iterations), (&[PANDA.start, goal][..], 0), "nothing is in the straight way");
 /// ```
@@ -97,41 +97,52 @@ fn straight(
 
 /// Range of every joint that is sampled.
 pub(super) fn sampling_bounds(
-    limits: &Bounds,
+    limits: &[(f32, f32)],
     start: &JointConfig,
     goals: &[JointConfig],
 ) -> Bounds {
-    core::array::from_fn(|j| {
+    let range = |j: usize| {
         let (low, high) = goals
             .iter()
             .fold((start[j], start[j]), |(low, high), goal| (goal[j].min(low), goal[j].max(high)));
         (limits[j].0.max(low - PI), limits[j].1.min(high + PI))
-    })
+    };
+    (0..limits.len()).map(range).collect()
 }
 
 /// A configuration anywhere within `bounds`.
-pub(super) fn sample_within(bounds: &Bounds, rng: &mut Rng) -> JointConfig {
-    JointConfig(bounds.map(|(lower, upper)| lower + (upper - lower) * rng.random::<f32>()))
+///
+/// A sample takes at least seven numbers from the generator: plans of arms with fewer joints stay
+/// those of their seeds, from when every configuration had seven entries.
+pub(super) fn sample_within(bounds: &[(f32, f32)], rng: &mut Rng) -> JointConfig {
+    let sample = JointConfig::from_fn(bounds.len(), |j| {
+        let (lower, upper) = bounds[j];
+        lower + (upper - lower) * rng.random::<f32>()
+    });
+    for _ in bounds.len()..DOF {
+        rng.random::<f32>();
+    }
+    sample
 }
 
 /// The configuration moved into `bounds`.
 #[cfg(feature = "planners")]
-pub(super) fn clamped(config: &JointConfig, bounds: &Bounds) -> JointConfig {
-    JointConfig(core::array::from_fn(|j| config[j].max(bounds[j].0).min(bounds[j].1)))
+pub(super) fn clamped(config: &JointConfig, bounds: &[(f32, f32)]) -> JointConfig {
+    JointConfig::from_fn(bounds.len(), |j| config[j].max(bounds[j].0).min(bounds[j].1))
 }
 
 /// A configuration within `bounds`, or moved there, none of whose joints is further than `distance`
 /// (radians) from that of `center`.
 #[cfg(feature = "planners")]
 pub(super) fn sample_near(
-    bounds: &Bounds,
+    bounds: &[(f32, f32)],
     center: &JointConfig,
     distance: f32,
     rng: &mut Rng,
 ) -> JointConfig {
     let center = clamped(center, bounds);
-    let near = core::array::from_fn(|j| {
-        ((center[j] - distance).max(bounds[j].0), (center[j] + distance).min(bounds[j].1))
-    });
+    let near: Bounds = (center.iter().zip(bounds))
+        .map(|(q, (lower, upper))| ((q - distance).max(*lower), (q + distance).min(*upper)))
+        .collect();
     sample_within(&near, rng)
 }

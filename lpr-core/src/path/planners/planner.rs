@@ -356,8 +356,8 @@ mod tests {
 
     #[test]
     fn goals_outside_the_limits_are_no_goals_and_ends_that_are_no_numbers_no_ends() {
-        let far = JointConfig(turned(-1.2).map(|q| q + 9.0));
-        let broken = JointConfig([f32::NAN; DOF]);
+        let far = turned(-1.2).map(|q| q + 9.0);
+        let broken = JointConfig::new([f32::NAN; DOF]);
         for &kind in PlannerKind::ALL {
             let plan = |start, goals: &[JointConfig]| {
                 let (scene, arm) = (Scene::empty(), ArmSpheres::new(&stick_arm()));

@@ -17,7 +17,7 @@ use super::plan::{Bounds, Plan, sample_near, sampling_bounds, search_twice};
 use crate::path::joint_path::JointPath;
 use crate::path::rejection::Rejection;
 use crate::rng::Rng;
-use crate::robot::{DOF, JointConfig};
+use crate::robot::JointConfig;
 use crate::scene::MotionChecker;
 use rand::RngExt as _;
 use roadmap::{Edge, Roadmap, Root};
@@ -91,7 +91,7 @@ fn search(
     rng: &mut Rng,
 ) -> Result<Plan, Rejection> {
     let bounds = sampling_bounds(checker.arm().limits(), start, goals);
-    let mut roadmap = Roadmap::new(start, goals, bounds, joint_pair(rng));
+    let mut roadmap = Roadmap::new(start, goals, bounds.clone(), joint_pair(start.dof(), rng));
     let mut n_milestones = 0;
     for iteration in 1..=settings.max_iterations {
         if checker.is_stopped() {
@@ -104,7 +104,7 @@ fn search(
         };
         n_milestones += 1;
         if u32::is_multiple_of(n_milestones, settings.milestones_per_grid) {
-            roadmap.lay_cells(joint_pair(rng));
+            roadmap.lay_cells(joint_pair(start.dof(), rng));
         }
         if let Some(path) = connect(&mut roadmap, milestone, checker, settings.range, rng) {
             return Ok(Plan { path, iterations: iteration });
@@ -113,10 +113,13 @@ fn search(
     Err(Rejection::IterationLimit)
 }
 
-/// Two different joints.
-fn joint_pair(rng: &mut Rng) -> [usize; 2] {
-    let first = rng.random_range(0..DOF);
-    [first, (first + rng.random_range(1..DOF)) % DOF]
+/// Two different joints, where there are two.
+fn joint_pair(dof: usize, rng: &mut Rng) -> [usize; 2] {
+    if dof < 2 {
+        return [0, 0];
+    }
+    let first = rng.random_range(0..dof);
+    [first, (first + rng.random_range(1..dof)) % dof]
 }
 
 /// A free configuration near a milestone where the tree is sparse, as its child; the edge is not

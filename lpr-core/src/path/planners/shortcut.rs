@@ -21,7 +21,7 @@ const SHORTEST_HALVED: f32 = 0.3;
 /// use lpr_core::scene::{ArmSpheres, MotionChecker, Scene};
 ///
 /// let (scene, arm) = (Scene::empty(), ArmSpheres::new(&PANDA));
-/// let at = |q: f32| JointConfig(PANDA.start.map(|start| start + q));
+/// let at = |q: f32| PANDA.start.map(|start| start + q);
 /// let detour = JointPath::new(vec![at(0.0), at(-0.1), at(0.1)])?;
 /// let short = shortcut(&detour, &MotionChecker::new(&scene, &arm, 32.0));
 /// assert_eq!(short.configs(), [at(0.0), at(0.1)], "nothing is in the way");
@@ -104,9 +104,7 @@ mod tests {
         let scene = Scene::from_primitives(vec![post]);
         let checker = MotionChecker::new(&scene, &arm, 32.0);
         let at = |turn: f32, lift: f32| {
-            JointConfig(core::array::from_fn(|j| {
-                robot.start[j] + [turn, -lift, 0.0, 0.0, 0.0, 0.0, 0.0][j]
-            }))
+            JointConfig::from_fn(7, |j| robot.start[j] + [turn, -lift, 0.0, 0.0, 0.0, 0.0, 0.0][j])
         };
         let path = JointPath(vec![at(-0.8, 0.0), at(-0.8, 0.9), at(0.8, 0.9), at(0.8, 0.0)]);
         assert!(

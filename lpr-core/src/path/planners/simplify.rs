@@ -33,7 +33,7 @@ const CUTS: [f32; 4] = [1.0, 0.75, 0.5, 0.25];
 /// use lpr_core::scene::{ArmSpheres, MotionChecker, Primitive, Scene};
 ///
 /// // Past a post by drawing the arm back.
-/// let turned = |q: f32| JointConfig(core::array::from_fn(|j| if j == 0 { q } else { XARM7.start[j] }));
+/// let turned = |q: f32| JointConfig::from_fn(7, |j| if j == 0 { q } else { XARM7.start[j] });
 /// let mut back = turned(0.0);
 /// back[3] += 0.8;
 /// let path = JointPath::new(vec![turned(0.7), back, turned(-0.7)])?;
@@ -109,9 +109,9 @@ mod tests {
     use glamx::Vec3;
 
     fn at(turn: f32, lift: f32) -> JointConfig {
-        JointConfig(core::array::from_fn(|j| {
+        JointConfig::from_fn(7, |j| {
             stick_arm().start[j] + [turn, -lift, 0.0, 0.0, 0.0, 0.0, 0.0][j]
-        }))
+        })
     }
 
     #[test]

@@ -144,10 +144,10 @@ fn improve(
 ) {
     for _ in 0..settings.copies {
         let mut noisy = course.to_vec();
-        add(&mut noisy, &smoothing.noise(settings.noise, rng), checker);
+        add(&mut noisy, &smoothing.noise(course[0].dof(), settings.noise, rng), checker);
         copies.push(Copy { costs: costs(checker, &noisy, settings), course: noisy });
     }
-    let changes: Vec<[f32; DOF]> = (1..course.len() - 1)
+    let changes: Vec<JointConfig> = (1..course.len() - 1)
         .map(|at| preferred(&course[at], copies, at, settings.sensitivity))
         .collect();
     add(course, &smoothing.smooth(&changes), checker);
@@ -158,7 +158,7 @@ fn improve(
 }
 
 /// Moves the waypoints between the ends, as far as the limits allow.
-fn add(course: &mut [JointConfig], changes: &[[f32; DOF]], checker: &MotionChecker<'_>) {
+fn add(course: &mut [JointConfig], changes: &[JointConfig], checker: &MotionChecker<'_>) {
     for (config, change) in course[1..].iter_mut().zip(changes) {
         shift(config, change, 1.0);
         *config = clamped(config, checker.arm().limits());
@@ -182,12 +182,12 @@ fn costs(
 
 /// Mean of the offsets of the copies of `config`, the waypoint number `at`, weighted with
 /// `exp(-h (S - min S) / (max S - min S))` of their costs `S` there.
-fn preferred(config: &JointConfig, copies: &[Copy], at: usize, sensitivity: f32) -> [f32; DOF] {
+fn preferred(config: &JointConfig, copies: &[Copy], at: usize, sensitivity: f32) -> JointConfig {
     let low = copies.iter().fold(f32::INFINITY, |low, copy| copy.costs[at].min(low));
     let high = copies.iter().fold(0.0, |high: f32, copy| copy.costs[at].max(high));
     // Where all cost the same, the mean of the noise would only shake the path.
     if high <= low {
-        return [0.0; DOF];
+        return config.map(|_| 0.0);
     }
     let weights: Vec<f32> = copies
         .iter()
@@ -195,7 +195,7 @@ fn preferred(config: &JointConfig, copies: &[Copy], at: usize, sensitivity: f32)
         .collect();
     let total: f32 = weights.iter().sum();
     let offset = |copy: &Copy, j: usize| copy.course[at][j] - config[j];
-    core::array::from_fn(|j| {
+    JointConfig::from_fn(config.dof(), |j| {
         copies.iter().zip(&weights).map(|(copy, weight)| weight / total * offset(copy, j)).sum()
     })
 }
@@ -233,9 +233,12 @@ impl Smoothing {
     }
 
     /// Noise for every waypoint: `K⁻¹ z` with `z` standard normal has the covariance `K⁻² = R⁻¹`.
-    fn noise(&self, deviation: f32, rng: &mut Rng) -> Vec<[f32; DOF]> {
-        let forces: Vec<[f32; DOF]> =
-            (0..self.waypoints).map(|_| core::array::from_fn(|_| normal(rng))).collect();
+    ///
+    /// At least seven numbers are drawn for each, as when every configuration had seven entries.
+    fn noise(&self, dof: usize, deviation: f32, rng: &mut Rng) -> Vec<JointConfig> {
+        let n_drawn = dof.max(DOF);
+        let forces: Vec<JointConfig> =
+            (0..self.waypoints).map(|_| JointConfig::from_fn(n_drawn, |_| normal(rng))).collect();
         let scale = deviation / self.deviation;
         let follow = |i: usize, j: usize| -> f32 {
             forces
@@ -244,14 +247,15 @@ impl Smoothing {
                 .map(|(force, k)| compliance(self.waypoints, i, k) * force[j])
                 .sum()
         };
-        (1..=self.waypoints).map(|i| core::array::from_fn(|j| scale * follow(i, j))).collect()
+        (1..=self.waypoints).map(|i| JointConfig::from_fn(dof, |j| scale * follow(i, j))).collect()
     }
 
-    fn smooth(&self, changes: &[[f32; DOF]]) -> Vec<[f32; DOF]> {
+    fn smooth(&self, changes: &[JointConfig]) -> Vec<JointConfig> {
+        let dof = changes[0].dof();
         let sum = |row: &[f32], j: usize| {
             row.iter().zip(changes).map(|(weight, change)| weight * change[j]).sum()
         };
-        self.rows.iter().map(|row| core::array::from_fn(|j| sum(row, j))).collect()
+        self.rows.iter().map(|row| JointConfig::from_fn(dof, |j| sum(row, j))).collect()
     }
 }
 
@@ -268,7 +272,7 @@ mod tests {
         let n = 3000;
         let (mut middle, mut first) = (0.0, 0.0);
         for _ in 0..n {
-            let noise = smoothing.noise(0.5, rng);
+            let noise = smoothing.noise(DOF, 0.5, rng);
             middle += noise[WAYPOINTS / 2][0] * noise[WAYPOINTS / 2][0];
             first += noise[0][0] * noise[0][0];
         }
@@ -282,8 +286,8 @@ mod tests {
     fn smoothing_spreads_a_change_of_one_waypoint_without_growing_it() {
         let smoothing = Smoothing::new(WAYPOINTS);
         for at in 0..WAYPOINTS {
-            let mut changes = vec![[0.0; DOF]; WAYPOINTS];
-            changes[at] = [1.0; DOF];
+            let mut changes = vec![JointConfig::new([0.0; DOF]); WAYPOINTS];
+            changes[at] = JointConfig::new([1.0; DOF]);
             let smooth = smoothing.smooth(&changes);
             let most = smooth.iter().map(|change| change[0]).fold(0.0, f32::max);
             assert!((most - 1.0 / WAYPOINTS as f32).abs() < 1e-6, "{most}");
@@ -293,13 +297,13 @@ mod tests {
 
     #[test]
     fn a_waypoint_goes_to_where_copies_cost_less_and_stays_where_all_cost_the_same() {
-        let at = |q: f32| JointConfig([q; DOF]);
+        let at = |q: f32| JointConfig::new([q; DOF]);
         let copy =
             |offset: f32, cost: f32| Copy { course: vec![at(1.0 + offset)], costs: vec![cost] };
         let copies = [copy(-0.4, 0.0), copy(0.2, 0.3), copy(0.3, 0.1)];
         let preferred_at = |sensitivity| preferred(&at(1.0), &copies, 0, sensitivity)[0];
         assert!((preferred_at(0.0) - 0.1 / 3.0).abs() < 1e-6);
         assert!(preferred_at(10.0) < -0.3 && preferred_at(100.0) < preferred_at(10.0));
-        assert_eq!(preferred(&at(1.0), &[copy(0.1, 0.2), copy(0.3, 0.2)], 0, 10.0), [0.0; DOF]);
+        assert_eq!(preferred(&at(1.0), &[copy(0.1, 0.2), copy(0.3, 0.2)], 0, 10.0), at(0.0));
     }
 }

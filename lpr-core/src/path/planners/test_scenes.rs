@@ -11,7 +11,7 @@ const MISSED: f32 = 0.015;
 
 /// The stick arm's start turned by `turn` about the base's axis.
 pub(crate) fn turned(turn: f32) -> JointConfig {
-    JointConfig(core::array::from_fn(|j| if j == 0 { turn } else { stick_arm().start[j] }))
+    JointConfig::from_fn(7, |j| if j == 0 { turn } else { stick_arm().start[j] })
 }
 
 /// A wall ahead of the arm with a window that is too low for its posture at the start.

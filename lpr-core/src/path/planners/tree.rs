@@ -14,8 +14,8 @@ pub(super) struct Tree {
     configs: Vec<JointConfig>,
     /// Index of every vertex's parent; roots are their own.
     parents: Vec<u32>,
-    /// The configurations, joint by joint; what is beyond the last vertex is infinitely far away.
-    columns: Vec<[[f32; CHUNK]; DOF]>,
+    /// The configurations, [`CHUNK`] of them joint by joint and then the next ones; what is beyond the last vertex is infinitely far away.
+    columns: Vec<[f32; CHUNK]>,
 }
 
 impl Tree {
@@ -40,9 +40,10 @@ impl Tree {
     pub(super) fn push(&mut self, config: JointConfig, parent: usize) -> usize {
         let vertex = self.configs.len();
         if vertex.is_multiple_of(CHUNK) {
-            self.columns.push([[f32::INFINITY; CHUNK]; DOF]);
+            self.columns.resize(self.columns.len() + config.dof(), [f32::INFINITY; CHUNK]);
         }
-        for (column, q) in self.columns[vertex / CHUNK].iter_mut().zip(config.iter()) {
+        let columns = &mut self.columns[vertex / CHUNK * config.dof()..];
+        for (column, q) in columns.iter_mut().zip(config.iter()) {
             column[vertex % CHUNK] = *q;
         }
         self.configs.push(config);
@@ -52,7 +53,13 @@ impl Tree {
 
     /// The vertex nearest `target`, the first of several, and its distance in radians.
     pub(super) fn nearest(&self, target: &JointConfig) -> (usize, f32) {
-        let (squared, vertex) = dispatch!(self.level, simd => nearest(simd, &self.columns, target));
+        // A number of joints that the compiler knows unrolls the loop over them.
+        let (squared, vertex) = if target.dof() == DOF {
+            let target = target.to_array::<DOF>();
+            dispatch!(self.level, simd => nearest(simd, &self.columns, &target))
+        } else {
+            dispatch!(self.level, simd => nearest(simd, &self.columns, target))
+        };
         (vertex, libm::sqrtf(squared))
     }
 
@@ -69,21 +76,16 @@ impl Tree {
 
 /// Squared distance and index of the column nearest `target`.
 #[inline(always)]
-fn nearest<S: Simd>(
-    simd: S,
-    columns: &[[[f32; CHUNK]; DOF]],
-    target: &JointConfig,
-) -> (f32, usize) {
+fn nearest<S: Simd>(simd: S, columns: &[[f32; CHUNK]], target: &[f32]) -> (f32, usize) {
     let width = Floats::<S>::LEN;
     let mut least = Floats::<S>::splat(simd, f32::INFINITY);
     let mut which = S::i32s::splat(simd, 0);
-    for (chunk, column) in columns.iter().enumerate() {
+    for (chunk, columns) in columns.chunks_exact(target.len()).enumerate() {
         for part in 0..CHUNK / width {
             let mut squares = Floats::<S>::splat(simd, 0.0);
-            for j in 0..DOF {
+            for (column, q) in columns.iter().zip(target) {
                 let offset =
-                    Floats::<S>::from_slice(simd, &column[j][part * width..(part + 1) * width])
-                        - target[j];
+                    Floats::<S>::from_slice(simd, &column[part * width..(part + 1) * width]) - *q;
                 squares += offset * offset;
             }
             let is_nearer = squares.simd_lt(least);
@@ -109,7 +111,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn config() -> impl Strategy<Value = JointConfig> {
-        prop::array::uniform7(-3.0_f32..3.0).prop_map(JointConfig)
+        prop::array::uniform7(-3.0_f32..3.0).prop_map(JointConfig::new)
     }
 
     proptest! {

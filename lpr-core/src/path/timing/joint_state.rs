@@ -28,7 +28,7 @@ impl JointState {
     /// Standing still at `config`.
     #[must_use]
     pub fn at_rest(config: &JointConfig) -> Self {
-        Self::standing(config.0.map(f64::from))
+        Self::standing(config.to_array::<DOF>().map(f64::from))
     }
 
     pub(super) const fn standing(angles: [f64; DOF]) -> Self {
@@ -38,7 +38,7 @@ impl JointState {
     /// The angles, rounded to f32.
     #[must_use]
     pub fn config(&self) -> JointConfig {
-        JointConfig(self.angles.map(|angle| angle as f32))
+        JointConfig::new(self.angles.map(|angle| angle as f32))
     }
 
     /// True if all its numbers are finite.

@@ -50,7 +50,7 @@ impl MotionLimits {
 /// use lpr_core::path::{GripSpeedLimit, JointPath, MotionLimits, SmoothPath, time_optimal};
 /// use lpr_core::robot::{JointConfig, XARM7};
 ///
-/// let goal = JointConfig(XARM7.start.map(|q| q + 0.3));
+/// let goal = XARM7.start.map(|q| q + 0.3);
 /// let path = SmoothPath::through(&JointPath::new(vec![XARM7.start, goal])?);
 /// let limits = MotionLimits { velocity: [2.0; 7], acceleration: [10.0; 7], jerk: None };
 /// let careful = GripSpeedLimit { robot: &XARM7, max_speed: 0.05 };

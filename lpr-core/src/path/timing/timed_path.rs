@@ -10,7 +10,7 @@
 use crate::check::setting;
 use crate::error::Result;
 use crate::path::joint_path::JointPath;
-use crate::robot::{DOF, JointConfig, Robot};
+use crate::robot::{JointConfig, Robot};
 use serde::{Deserialize, Serialize};
 
 /// Numbers of the speed profile.
@@ -77,11 +77,11 @@ impl TimedPath {
         let (mut velocity, mut acceleration) =
             (f64::from(settings.max_velocity), f64::from(settings.max_acceleration));
         for pair in path.configs().windows(2) {
-            let moves: [f64; DOF] =
-                core::array::from_fn(|j| f64::from(pair[1][j]) - f64::from(pair[0][j]));
-            let length = libm::sqrt(moves.iter().map(|d| d * d).sum());
+            let moves =
+                || pair[0].iter().zip(pair[1].iter()).map(|(a, b)| f64::from(*b) - f64::from(*a));
+            let length = libm::sqrt(moves().map(|d| d * d).sum());
             lengths.push(lengths[lengths.len() - 1] + length);
-            for (joint, moved) in robot.joints.iter().zip(moves) {
+            for (joint, moved) in robot.joints.iter().zip(moves()) {
                 if moved != 0.0 {
                     // Along a segment a joint moves by `moved / length` of the path's own motion.
                     let share = length / moved.abs();
@@ -118,10 +118,10 @@ impl TimedPath {
         let fraction =
             if after > before { ((at - before) / (after - before)).min(1.0) } else { 0.0 };
         let (from, to) = (&self.path.configs()[next - 1], &self.path.configs()[next]);
-        JointConfig(core::array::from_fn(|j| {
+        JointConfig::from_fn(from.dof(), |j| {
             let (from, to) = (f64::from(from[j]), f64::from(to[j]));
             (from + (to - from) * fraction) as f32
-        }))
+        })
     }
 }
 
@@ -172,7 +172,7 @@ mod tests {
     const SETTINGS: TimingSettings = TimingSettings { max_velocity: 1.0, max_acceleration: 4.0 };
 
     fn path() -> impl Strategy<Value = JointPath> {
-        prop::collection::vec(prop::array::uniform7(-1.5_f32..1.5).prop_map(JointConfig), 2..8)
+        prop::collection::vec(prop::array::uniform7(-1.5_f32..1.5).prop_map(JointConfig::new), 2..8)
             .prop_map(JointPath)
     }
 
@@ -220,9 +220,9 @@ mod tests {
     #[test]
     fn a_long_path_cruises_and_a_short_one_is_a_triangle() {
         let along = |length: f32| {
-            let mut goal = JointConfig([0.0; DOF]);
+            let mut goal = JointConfig::new([0.0; 7]);
             goal[0] = length;
-            TimedPath::new(JointPath(vec![JointConfig([0.0; DOF]), goal]), &PANDA, &SETTINGS)
+            TimedPath::new(JointPath(vec![JointConfig::new([0.0; 7]), goal]), &PANDA, &SETTINGS)
                 .unwrap()
                 .duration_secs()
         };
@@ -235,7 +235,7 @@ mod tests {
 
     #[test]
     fn a_speed_of_nothing_is_refused() {
-        let path = JointPath(vec![JointConfig([0.0; DOF]), JointConfig([0.1; DOF])]);
+        let path = JointPath(vec![JointConfig::new([0.0; 7]), JointConfig::new([0.1; 7])]);
         for max_velocity in [0.0, -1.0, f32::NAN, f32::INFINITY] {
             assert!(
                 TimedPath::new(path.clone(), &PANDA, &TimingSettings { max_velocity, ..SETTINGS })
@@ -246,7 +246,7 @@ mod tests {
 
     #[test]
     fn a_path_that_stays_takes_no_time() {
-        let rest = JointConfig([0.3; DOF]);
+        let rest = JointConfig::new([0.3; 7]);
         let timed = TimedPath::new(JointPath(vec![rest, rest]), &PANDA, &SETTINGS).unwrap();
         assert_eq!(timed.duration_secs(), 0.0);
         assert_eq!(timed.config_at(0.0), rest);

@@ -44,7 +44,7 @@ use ramp::Ramp;
 /// use lpr_core::path::{JointPath, MotionLimits, SmoothPath, time_optimal};
 /// use lpr_core::robot::JointConfig;
 ///
-/// let configs = [0.0, 0.4, 1.0].map(|q| JointConfig([q, q * q, 0.0, 0.0, 0.0, 0.0, 0.0]));
+/// let configs = [0.0, 0.4, 1.0].map(|q| JointConfig::new([q, q * q, 0.0, 0.0, 0.0, 0.0, 0.0]));
 /// let path = SmoothPath::through(&JointPath::new(configs.to_vec())?);
 /// let limits = MotionLimits { velocity: [1.0; 7], acceleration: [4.0; 7], jerk: None };
 /// let motion = time_optimal(&path, &limits, None)?;

@@ -7,7 +7,7 @@
 //!   `q5` follows;
 //! - what remains is the shoulder's rotation `Rz(q1) Ry(q2) Rz(q3)`: two roots.
 
-use super::super::{DOF, Joint, JointConfig, Robot};
+use super::super::{DOF, DhRow, JointConfig, Robot};
 use core::f64::consts::{PI, TAU};
 use glamx::{DMat3, DPose3, DQuat, DVec3, Pose3};
 
@@ -28,6 +28,34 @@ const SINGULAR: f64 = 1e-9;
 /// Angles in f64: what the solver works on.
 pub(super) type Angles = [f64; DOF];
 
+/// A joint of an arm with a closed form: its modified-DH row and limits.
+#[derive(Debug, Clone, Copy)]
+struct Revolute {
+    alpha: f64,
+    a: f64,
+    d: f64,
+    lower: f32,
+    upper: f32,
+}
+
+/// Whether the arm has a closed form.
+pub(super) fn serves(robot: &Robot) -> bool {
+    revolutes(robot).is_some()
+}
+
+/// The joints of an arm that has a closed form: seven, all by modified-DH rows.
+fn revolutes(robot: &Robot) -> Option<[Revolute; DOF]> {
+    let mut joints = [Revolute { alpha: 0.0, a: 0.0, d: 0.0, lower: 0.0, upper: 0.0 }; DOF];
+    if robot.dof() != DOF {
+        return None;
+    }
+    for (revolute, joint) in joints.iter_mut().zip(&robot.joints) {
+        let DhRow { alpha, a, d } = *joint.dh()?;
+        *revolute = Revolute { alpha, a, d, lower: joint.lower, upper: joint.upper };
+    }
+    Some(joints)
+}
+
 /// The solutions of one pose at one `q7`: at most eight, all within the limits.
 ///
 /// ```
@@ -46,7 +74,7 @@ pub struct IkBranches {
 }
 
 impl IkBranches {
-    const EMPTY: Self = Self { angles: [[0.0; DOF]; MAX_BRANCHES], len: 0 };
+    pub(super) const EMPTY: Self = Self { angles: [[0.0; DOF]; MAX_BRANCHES], len: 0 };
 
     fn push(&mut self, angles: Angles) {
         self.angles[self.len] = angles;
@@ -79,12 +107,12 @@ impl IkBranches {
 
 /// The nearest f32 configuration; limits are f32 values, so it stays within them.
 pub(super) fn rounded(angles: &Angles) -> JointConfig {
-    JointConfig(angles.map(|q| q as f32))
+    JointConfig::new(angles.map(|q| q as f32))
 }
 
 /// Angles of `config` in f64.
 pub(super) fn widened(config: &JointConfig) -> Angles {
-    config.0.map(f64::from)
+    config.to_array::<DOF>().map(f64::from)
 }
 
 /// The pose in f64 with a unit quaternion.
@@ -97,27 +125,31 @@ pub(super) fn exact_pose(pose: &Pose3) -> DPose3 {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Target<'r> {
     robot: &'r Robot,
+    joints: [Revolute; DOF],
     rotation: DMat3,
     /// `S` to the origin of link 7 in the world frame.
     from_shoulder: DVec3,
 }
 
 impl<'r> Target<'r> {
-    pub(super) fn new(robot: &'r Robot, world_from_grip: &Pose3) -> Self {
-        let link7_from_grip = robot.link7_from_flange * robot.flange_from_grip;
+    /// The target of an arm with a closed form; none of another arm.
+    pub(super) fn new(robot: &'r Robot, world_from_grip: &Pose3) -> Option<Self> {
+        let joints = revolutes(robot)?;
+        let link7_from_grip = robot.body_from_flange * robot.flange_from_grip;
         let world_from_link7 = exact_pose(world_from_grip) * link7_from_grip.inverse();
-        Self {
+        Some(Self {
             robot,
+            joints,
             rotation: DMat3::from_quat(world_from_link7.rotation),
-            from_shoulder: world_from_link7.translation - DVec3::new(0.0, 0.0, robot.joints[0].d),
-        }
+            from_shoulder: world_from_link7.translation - DVec3::new(0.0, 0.0, joints[0].d),
+        })
     }
 
     /// All solutions with that `q7`, of each joint the winding nearest `near`.
     pub(super) fn solve(&self, q7: f64, near: &Angles) -> IkBranches {
         let mut branches = IkBranches::EMPTY;
-        let Some(q7) = within(&self.robot.joints[6], q7) else { return branches };
-        let [_, _, _, joint4, joint5, joint6, joint7] = &self.robot.joints;
+        let Some(q7) = within(&self.joints[6], q7) else { return branches };
+        let [_, _, _, joint4, joint5, joint6, joint7] = &self.joints;
         let (sin7, cos7) = libm::sincos(q7);
         let wrist_in_7 = DVec3::new(-joint7.a * cos7, joint7.a * sin7, -joint7.d);
         let shoulder_to_wrist = self.from_shoulder + self.rotation * wrist_in_7;
@@ -155,7 +187,7 @@ impl<'r> Target<'r> {
         for i in first..branches.len {
             let angles = branches.angles[i];
             let wrist = self.robot.frames_at(&angles)[DOF - 1].translation
-                - DVec3::new(0.0, 0.0, self.robot.joints[0].d);
+                - DVec3::new(0.0, 0.0, self.joints[0].d);
             if (wrist - self.from_shoulder).length() <= EXACT {
                 branches.angles[kept] = angles;
                 kept += 1;
@@ -166,7 +198,7 @@ impl<'r> Target<'r> {
 
     /// Sine and cosine of the two elbow angles that put the wrist at `distance` from the shoulder.
     fn elbow_roots(&self, distance: f64) -> Roots {
-        let [_, _, joint3, joint4, joint5, ..] = &self.robot.joints;
+        let [_, _, joint3, joint4, joint5, ..] = &self.joints;
         let (upper, offset) = (joint3.d, joint4.a);
         let (x, y) = (joint5.a, -sign(joint5) * joint5.d);
         let a = 2.0 * (offset * x + upper * y);
@@ -178,7 +210,7 @@ impl<'r> Target<'r> {
     /// `S` in frame 4 turned by the twist of joint 5 and moved by its `a`: (x, 0, z) before `q5`
     /// turns it about z.
     fn shoulder_in_5(&self, (sin4, cos4): SinCos) -> DVec3 {
-        let [_, _, joint3, joint4, joint5, ..] = &self.robot.joints;
+        let [_, _, joint3, joint4, joint5, ..] = &self.joints;
         let (x, y) = (-joint4.a, -joint3.d);
         let (turned_x, turned_y) = (cos4 * x + sin4 * y, -sin4 * x + cos4 * y);
         DVec3::new(turned_x - joint5.a, 0.0, -sign(joint5) * turned_y)
@@ -192,7 +224,7 @@ impl<'r> Target<'r> {
         near: &Angles,
     ) {
         for [q1, q2, q3] in shoulder_roots(rotation, near[0]) {
-            let [joint1, joint2, joint3, ..] = &self.robot.joints;
+            let [joint1, joint2, joint3, ..] = &self.joints;
             let shoulder =
                 (wind(joint1, q1, near[0]), wind(joint2, q2, near[1]), wind(joint3, q3, near[2]));
             if let (Some(q1), Some(q2), Some(q3)) = shoulder {
@@ -268,7 +300,7 @@ const fn opposite(angle: f64) -> f64 {
 }
 
 /// Sine of a joint's twist of ±π/2.
-const fn sign(joint: &Joint) -> f64 {
+const fn sign(joint: &Revolute) -> f64 {
     if joint.alpha < 0.0 { -1.0 } else { 1.0 }
 }
 
@@ -282,12 +314,12 @@ fn untwist(m: DMat3, sin: f64) -> DMat3 {
     DMat3::from_cols(m.x_axis, m.z_axis * -sin, m.y_axis * sin)
 }
 
-fn fit(joint: &Joint, (sin, cos): SinCos, near: f64) -> Option<f64> {
+fn fit(joint: &Revolute, (sin, cos): SinCos, near: f64) -> Option<f64> {
     wind(joint, libm::atan2(sin, cos), near)
 }
 
 /// The winding of `angle` within the limits that is nearest `near`.
-fn wind(joint: &Joint, angle: f64, near: f64) -> Option<f64> {
+fn wind(joint: &Revolute, angle: f64, near: f64) -> Option<f64> {
     // Within a turn and a half, as nearly always, without a division.
     let nearest = match near - angle {
         away if away.abs() <= PI => angle,
@@ -302,8 +334,13 @@ fn wind(joint: &Joint, angle: f64, near: f64) -> Option<f64> {
 
 /// `angle`, moved onto a limit that it exceeds by no more than rounding; nothing further outside or
 /// when not a number.
-pub(super) fn within(joint: &Joint, angle: f64) -> Option<f64> {
-    let (lower, upper) = (f64::from(joint.lower), f64::from(joint.upper));
+fn within(joint: &Revolute, angle: f64) -> Option<f64> {
+    within_range((joint.lower, joint.upper), angle)
+}
+
+/// [`within`] for a range, radians.
+pub(super) fn within_range((lower, upper): (f32, f32), angle: f64) -> Option<f64> {
+    let (lower, upper) = (f64::from(lower), f64::from(upper));
     let inside = lower - LIMIT_SLACK <= angle && angle <= upper + LIMIT_SLACK;
     inside.then(|| angle.clamp(lower, upper))
 }

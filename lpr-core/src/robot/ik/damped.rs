@@ -5,17 +5,16 @@
 //! that does not. A joint at a limit that a step would cross is held there for that step. Where the
 //! error stops shrinking, the next start is drawn.
 
-use super::super::chain::{Chain, ChainJoint, Motion, N_BODIES};
-use super::super::{DOF, JointConfig};
+use super::super::{DOF, Joint, JointConfig, JointMotion, MAX_JOINTS, Robot};
 use super::Distinct;
-use super::closed_form::{Angles, exact_pose, rounded, widened};
+use super::closed_form::exact_pose;
 use super::step::{DampedInverse, Twist, twist_between};
 use crate::rng::Rng;
 use core::f64::consts::TAU;
 use glamx::{DPose3, DVec3, Pose3};
 use rand::RngExt as _;
 
-/// Largest distance of a solution's tip from the pose asked for, metres.
+/// Largest distance of a solution's grip from the pose asked for, metres.
 const MAX_DISTANCE: f64 = 1e-4;
 /// Largest angle between both, radians.
 const MAX_ANGLE: f64 = 1e-3;
@@ -38,8 +37,8 @@ const MAX_DAMPING: f64 = 1e3;
 const EASED: f64 = 0.3;
 const STIFFENED: f64 = 3.0;
 
-impl Chain {
-    /// Up to `n_solutions` configurations within the limits whose tip is at `world_from_tip`, to
+impl Robot {
+    /// Up to `n_solutions` configurations within the limits whose grip is at `world_from_grip`, to
     /// 1e-4 m and 1e-3 rad.
     ///
     /// Any two differ by more than `min_distance` in some joint (radians modulo 2π, metres). The
@@ -49,29 +48,46 @@ impl Chain {
     ///
     /// ```
     /// use lpr_core::rng::{Stream, stream};
-    /// use lpr_core::robot::{Chain, PANDA};
+    /// use lpr_core::robot::PANDA;
     ///
-    /// let arm = Chain::from_robot(&PANDA);
-    /// let world_from_tip = arm.tip(&PANDA.start);
-    /// let found = arm.ik(&world_from_tip, &PANDA.start, 3, 0.2, &mut stream(0, Stream::Ik, 0));
+    /// let arm = PANDA.described();
+    /// let world_from_grip = arm.grip(&PANDA.start);
+    /// let found = arm.ik(&world_from_grip, &PANDA.start, 3, 0.2, &mut stream(0, Stream::Ik, 0));
     /// assert_eq!(found.len(), 3);
-    /// assert!(found.iter().all(|config| arm.tip(config).translation.distance(world_from_tip.translation) < 1e-4));
+    /// assert!(found.iter().all(|config| arm.grip(config).translation.distance(world_from_grip.translation) < 1e-4));
     /// ```
     #[must_use]
     pub fn ik(
         &self,
-        world_from_tip: &Pose3,
+        world_from_grip: &Pose3,
         seed: &JointConfig,
         n_solutions: usize,
         min_distance: f32,
         rng: &mut Rng,
     ) -> Vec<JointConfig> {
-        let target = exact_pose(world_from_tip);
-        let mut distinct = Distinct { solutions: Vec::new(), n: n_solutions, min_distance };
+        let wanted = Distinct { solutions: Vec::new(), n: n_solutions, min_distance };
+        // Sums over the joints are short where there are few.
+        if self.dof() <= DOF {
+            self.solve::<DOF>(world_from_grip, seed, wanted, rng)
+        } else {
+            self.solve::<MAX_JOINTS>(world_from_grip, seed, wanted, rng)
+        }
+    }
+
+    /// The solutions of an arm of at most `N` joints.
+    fn solve<const N: usize>(
+        &self,
+        world_from_grip: &Pose3,
+        seed: &JointConfig,
+        mut distinct: Distinct,
+        rng: &mut Rng,
+    ) -> Vec<JointConfig> {
+        let n_solutions = distinct.n;
+        let target = exact_pose(world_from_grip);
         if !(target.is_finite() && seed.is_finite()) {
             return distinct.solutions;
         }
-        let seed = self.within(&widened(seed));
+        let seed = self.within(&widened::<N>(seed));
         let mut start = seed;
         for attempt in 0..MIN_ATTEMPTS.saturating_add(ATTEMPTS_EACH.saturating_mul(n_solutions)) {
             let is_hopeless = attempt >= MIN_ATTEMPTS && distinct.solutions.is_empty();
@@ -89,7 +105,7 @@ impl Chain {
     }
 
     /// Where the error vanishes below `start`, if it does.
-    fn descend(&self, target: &DPose3, start: Angles) -> Option<Angles> {
+    fn descend<const N: usize>(&self, target: &DPose3, start: [f64; N]) -> Option<[f64; N]> {
         let mut at = Residual::new(self, target, start);
         let (mut damping, mut earlier) = (FIRST_DAMPING, f64::INFINITY);
         for step in 1..=MAX_STEPS {
@@ -116,17 +132,17 @@ impl Chain {
     }
 
     /// The damped step from `at`, in which joints stay within their limits.
-    fn step(&self, at: &Residual, damping: f64) -> Angles {
-        let mut jacobian = self.chain_jacobian(&at.frames);
+    fn step<const N: usize>(&self, at: &Residual<N>, damping: f64) -> [f64; N] {
+        let mut jacobian = self.jacobian_of(&at.frames);
         // Each round holds at least one more joint.
-        for _ in 0..=DOF {
+        for _ in 0..=N {
             let change = DampedInverse::new(jacobian, damping).apply(&at.error);
-            let proposed: Angles = core::array::from_fn(|j| at.positions[j] + change[j]);
+            let proposed: [f64; N] = core::array::from_fn(|j| at.positions[j] + change[j]);
             let kept = self.within(&proposed);
             let is_stuck = |j: &usize| {
                 change[*j] != 0.0 && proposed[*j] != kept[*j] && at.positions[*j] == kept[*j]
             };
-            let stuck: Vec<usize> = (0..DOF).filter(is_stuck).collect();
+            let stuck: Vec<usize> = (0..N).filter(is_stuck).collect();
             if stuck.is_empty() {
                 return kept;
             }
@@ -135,51 +151,39 @@ impl Chain {
         at.positions
     }
 
-    /// Jacobian of the tip in the world frame: rows are linear, then angular velocity; entries
-    /// without a joint have none.
-    fn chain_jacobian(&self, frames: &[DPose3; N_BODIES]) -> [[f64; DOF]; 6] {
-        let tip = (frames[DOF] * self.body_from_tip).translation;
-        let mut jacobian = [[0.0; DOF]; 6];
-        for (j, (joint, frame)) in self.joints.iter().zip(&frames[1..]).enumerate() {
-            let axis = frame.rotation * DVec3::Z;
-            let (linear, angular) = match joint.motion {
-                Motion::Turn => (axis.cross(tip - frame.translation), axis),
-                Motion::Slide => (axis, DVec3::ZERO),
-            };
-            for (row, value) in linear.to_array().into_iter().chain(angular.to_array()).enumerate()
-            {
-                jacobian[row][j] = value;
-            }
-        }
-        jacobian
-    }
-
     /// The positions moved into the limits; 0 where there is no joint.
-    fn within(&self, positions: &Angles) -> Angles {
-        let limits = self.limits();
-        core::array::from_fn(|j| positions[j].clamp(f64::from(limits[j].0), f64::from(limits[j].1)))
+    fn within<const N: usize>(&self, positions: &[f64; N]) -> [f64; N] {
+        let kept =
+            |(joint, q): (&Joint, &f64)| q.clamp(f64::from(joint.lower), f64::from(joint.upper));
+        let mut within = [0.0; N];
+        let all = self.joints.iter().zip(positions).map(kept);
+        within.iter_mut().zip(all).for_each(|(q, kept)| *q = kept);
+        within
     }
 
     /// A start within the limits, of joints that turn at most one turn of them.
-    fn drawn(&self, rng: &mut Rng) -> Angles {
+    fn drawn<const N: usize>(&self, rng: &mut Rng) -> [f64; N] {
         core::array::from_fn(|j| self.joints.get(j).map_or(0.0, |joint| joint.drawn(rng)))
     }
 
-    /// The solution in f32 with the windings nearest `seed`, if its tip is where it should be.
-    fn accepted(&self, found: &Angles, seed: &Angles, target: &DPose3) -> Option<JointConfig> {
-        let wound = core::array::from_fn(|j| {
-            self.joints.get(j).map_or(0.0, |joint| joint.wound(found[j], seed[j]))
-        });
-        let config = rounded(&wound);
-        Residual::new(self, target, widened(&config)).is_solved().then_some(config)
+    /// The solution in f32 with the windings nearest `seed`, if its grip is where it should be.
+    fn accepted<const N: usize>(
+        &self,
+        found: &[f64; N],
+        seed: &[f64; N],
+        target: &DPose3,
+    ) -> Option<JointConfig> {
+        let config =
+            JointConfig::from_fn(self.dof(), |j| self.joints[j].wound(found[j], seed[j]) as f32);
+        Residual::new(self, target, widened::<N>(&config)).is_solved().then_some(config)
     }
 }
 
-impl ChainJoint {
+impl Joint {
     fn drawn(&self, rng: &mut Rng) -> f64 {
         let (lower, upper) = (f64::from(self.lower), f64::from(self.upper));
         let fraction = rng.random::<f64>();
-        if self.motion == Motion::Turn && upper - lower > TAU {
+        if self.motion == JointMotion::Turn && upper - lower > TAU {
             return (TAU * (fraction - 0.5)).clamp(lower, upper);
         }
         lower + fraction * (upper - lower)
@@ -188,7 +192,7 @@ impl ChainJoint {
     /// The position that differs from `q` by whole turns and is nearest `near` within the limits.
     fn wound(&self, q: f64, near: f64) -> f64 {
         let (lower, upper) = (f64::from(self.lower), f64::from(self.upper));
-        if self.motion == Motion::Slide {
+        if self.motion == JointMotion::Slide {
             return q;
         }
         let turns = libm::round((near - q) / TAU);
@@ -198,18 +202,21 @@ impl ChainJoint {
     }
 }
 
-/// What is left between the tip and the target.
-struct Residual {
-    positions: Angles,
-    frames: [DPose3; N_BODIES],
+/// What is left between the grip and the target, of an arm of at most `N` joints.
+struct Residual<const N: usize> {
+    positions: [f64; N],
+    frames: [DPose3; N],
     error: Twist,
     squared: f64,
 }
 
-impl Residual {
-    fn new(chain: &Chain, target: &DPose3, positions: Angles) -> Self {
-        let frames = chain.frames_at(&positions);
-        let error = twist_between(&(frames[DOF] * chain.body_from_tip), target);
+impl<const N: usize> Residual<N> {
+    fn new(robot: &Robot, target: &DPose3, positions: [f64; N]) -> Self {
+        let frames = robot.frames_at(&positions);
+        let error = twist_between(
+            &(frames[N - 1] * robot.body_from_flange * robot.flange_from_grip),
+            target,
+        );
         Self { positions, frames, squared: error.iter().map(|part| part * part).sum(), error }
     }
 
@@ -219,6 +226,11 @@ impl Residual {
         is_below(DVec3::new(x, y, z), MAX_DISTANCE)
             && is_below(DVec3::new(around_x, around_y, around_z), MAX_ANGLE)
     }
+}
+
+/// Positions of the first `N` joints in f64; 0 where there is no joint.
+fn widened<const N: usize>(config: &JointConfig) -> [f64; N] {
+    config.to_array::<N>().map(f64::from)
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! The continuous solution for a small motion of the grip.
 
-use super::super::{DOF, Joint, JointConfig, Robot};
-use super::closed_form::{Angles, Target, exact_pose, rounded, widened, within};
+use super::super::{DOF, Joint, JointConfig, MAX_JOINTS, Robot};
+use super::closed_form::{Angles, Target, exact_pose, rounded, within_range};
 use glamx::{DPose3, DVec3, Pose3};
 
 /// Largest change of a joint that still counts as continuous, radians.
@@ -43,29 +43,48 @@ impl Robot {
     /// ```
     #[must_use]
     pub fn ik_step(&self, world_from_grip: &Pose3, near: &JointConfig) -> Option<JointConfig> {
-        let start = widened(near);
-        let target = exact_pose(world_from_grip);
-        let newton = self.newton(&target, &start);
-        if newton.converged && self.continues(&newton.angles, &start) {
-            return Some(rounded(&core::array::from_fn(|j| {
-                newton.angles[j].clamp(lower(self, j), upper(self, j))
-            })));
+        if self.dof() > DOF {
+            return self.newton_step::<MAX_JOINTS>(world_from_grip, near).ok();
         }
-        self.search_q7(&Target::new(self, world_from_grip), newton.first_q7, &start)
-            .map(|angles| rounded(&angles))
+        self.newton_step::<DOF>(world_from_grip, near).map_or_else(
+            |first| {
+                let start = near.to_array::<DOF>().map(f64::from);
+                let target = Target::new(self, world_from_grip)?;
+                self.search_q7(&target, first[DOF - 1], &start).map(|angles| rounded(&angles))
+            },
+            Some,
+        )
     }
 
-    fn continues(&self, angles: &Angles, start: &Angles) -> bool {
+    /// The continuous solution of an arm of at most `N` joints by Newton's method, else the
+    /// positions after its first, linear step.
+    fn newton_step<const N: usize>(
+        &self,
+        world_from_grip: &Pose3,
+        near: &JointConfig,
+    ) -> Result<JointConfig, [f64; N]> {
+        let start = near.to_array::<N>().map(f64::from);
+        let newton = self.newton(&exact_pose(world_from_grip), &start);
+        if !(newton.converged && self.continues(&newton.angles, &start)) {
+            return Err(newton.first);
+        }
+        Ok(JointConfig::from_fn(self.dof(), |j| {
+            newton.angles[j].clamp(lower(self, j), upper(self, j)) as f32
+        }))
+    }
+
+    fn continues<const N: usize>(&self, angles: &[f64; N], start: &[f64; N]) -> bool {
         angles.iter().zip(start).zip(&self.joints).all(|((&q, &from), joint)| {
-            (q - from).abs() <= MAX_STEP_CHANGE && within(joint, q).is_some()
+            (q - from).abs() <= MAX_STEP_CHANGE
+                && within_range((joint.lower, joint.upper), q).is_some()
         })
     }
 
-    fn newton(&self, target: &DPose3, start: &Angles) -> Newton {
-        let mut newton = Newton { angles: *start, first_q7: start[6], converged: false };
+    fn newton<const N: usize>(&self, target: &DPose3, start: &[f64; N]) -> Newton<N> {
+        let mut newton = Newton { angles: *start, first: *start, converged: false };
         for iteration in 0..MAX_NEWTON {
             let frames = self.frames_at(&newton.angles);
-            let grip = frames[DOF - 1] * self.link7_from_flange * self.flange_from_grip;
+            let grip = frames[N - 1] * self.body_from_flange * self.flange_from_grip;
             let error = twist_between(&grip, target);
             if error.iter().all(|part| part.abs() < CONVERGED) {
                 newton.converged = true;
@@ -78,7 +97,7 @@ impl Robot {
             }
             newton.angles = core::array::from_fn(|j| newton.angles[j] + change[j]);
             if iteration == 0 {
-                newton.first_q7 = newton.angles[6];
+                newton.first = newton.angles;
             }
         }
         newton
@@ -86,11 +105,18 @@ impl Robot {
 
     /// Adds motion within the null space, away from limits that are nearer than [`PULL_ZONE`], no
     /// faster than `change` itself.
-    fn add_pull(&self, inverse: &DampedInverse, angles: &Angles, change: &mut Angles) {
+    fn add_pull<const N: usize>(
+        &self,
+        inverse: &DampedInverse<N>,
+        angles: &[f64; N],
+        change: &mut [f64; N],
+    ) {
         let speed = libm::sqrt(change.iter().map(|d| d * d).sum());
-        let wish: Angles = core::array::from_fn(|j| speed * repulsion(&self.joints[j], angles[j]));
+        let wish: [f64; N] = core::array::from_fn(|j| {
+            self.joints.get(j).map_or(0.0, |joint| speed * repulsion(joint, angles[j]))
+        });
         let felt = inverse.apply(&inverse.twist(&wish));
-        for j in 0..DOF {
+        for j in 0..N {
             change[j] += wish[j] - felt[j];
         }
     }
@@ -114,10 +140,10 @@ impl Robot {
 }
 
 /// Where Newton's method came to.
-struct Newton {
-    angles: Angles,
-    /// `q7` after the first, linear step.
-    first_q7: f64,
+struct Newton<const N: usize> {
+    angles: [f64; N],
+    /// After the first, linear step.
+    first: [f64; N],
     converged: bool,
 }
 
@@ -154,15 +180,15 @@ pub(super) fn twist_between(from: &DPose3, to: &DPose3) -> Twist {
     [linear.x, linear.y, linear.z, angular.x, angular.y, angular.z]
 }
 
-/// `Jᵀ (J Jᵀ + λ²)⁻¹` with its Cholesky factor.
-pub(super) struct DampedInverse {
-    jacobian: [[f64; DOF]; 6],
+/// `Jᵀ (J Jᵀ + λ²)⁻¹` of `N` joints with its Cholesky factor.
+pub(super) struct DampedInverse<const N: usize> {
+    jacobian: [[f64; N]; 6],
     factor: [[f64; 6]; 6],
 }
 
-impl DampedInverse {
+impl<const N: usize> DampedInverse<N> {
     /// With the damping `λ`, in units of the Jacobian.
-    pub(super) fn new(jacobian: [[f64; DOF]; 6], damping: f64) -> Self {
+    pub(super) fn new(jacobian: [[f64; N]; 6], damping: f64) -> Self {
         let mut factor = [[0.0; 6]; 6];
         for row in 0..6 {
             for col in 0..=row {
@@ -179,12 +205,12 @@ impl DampedInverse {
     }
 
     /// The twist of joint velocities.
-    fn twist(&self, velocities: &Angles) -> Twist {
+    fn twist(&self, velocities: &[f64; N]) -> Twist {
         self.jacobian.map(|row| row.iter().zip(velocities).map(|(a, b)| a * b).sum())
     }
 
     /// The smallest joint velocities with that twist.
-    pub(super) fn apply(&self, twist: &Twist) -> Angles {
+    pub(super) fn apply(&self, twist: &Twist) -> [f64; N] {
         let mut y = *twist;
         for row in 0..6 {
             let known: f64 = (0..row).map(|k| self.factor[row][k] * y[k]).sum();

@@ -1,17 +1,17 @@
 use super::closed_form::exact_pose;
 use super::{Angles, DOF, JointConfig, Pose3, Robot, differ};
 use crate::rng::{Stream, stream};
-use crate::robot::{PANDA, ROBOTS, XARM7};
+use crate::robot::{Joint, PANDA, ROBOTS, XARM7};
 use core::f32::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 use glamx::{DPose3, Quat, Vec3};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
 fn config_at(robot: &Robot, fractions: [f32; DOF]) -> JointConfig {
-    JointConfig(core::array::from_fn(|j| {
+    JointConfig::from_fn(DOF, |j| {
         let joint = &robot.joints[j];
         (joint.lower + fractions[j] * (joint.upper - joint.lower)).clamp(joint.lower, joint.upper)
-    }))
+    })
 }
 
 /// Distance in metres and angle in radians.
@@ -22,7 +22,7 @@ fn pose_error(a: &DPose3, b: &DPose3) -> (f64, f64) {
 }
 
 fn grip_at(robot: &Robot, angles: &Angles) -> DPose3 {
-    robot.frames_at(angles)[DOF - 1] * robot.link7_from_flange * robot.flange_from_grip
+    robot.frames_at(angles)[DOF - 1] * robot.body_from_flange * robot.flange_from_grip
 }
 
 fn assert_solves(robot: &Robot, config: &JointConfig, pose: &Pose3) {
@@ -178,6 +178,7 @@ fn product<const N: usize>(
     starts: [(f32, f32, f32); N],
 ) -> impl Iterator<Item = (&'static Robot, f32, (f32, f32, f32))> {
     ROBOTS.into_iter().flat_map(move |robot| {
+        let robot: &Robot = robot;
         [1.0, -1.0].into_iter().flat_map(move |side| starts.map(|start| (robot, side, start)))
     })
 }
@@ -213,7 +214,7 @@ fn singular_configurations_are_solved() {
         [0.0, 0.0, 0.0, 0.9, 0.0, 0.0, 0.0],
     ];
     for robot in ROBOTS {
-        for mut config in configs.map(JointConfig) {
+        for mut config in configs.map(JointConfig::new) {
             if robot.name == "panda" {
                 config[3] = -0.07 - config[3];
             }
@@ -231,7 +232,7 @@ fn singular_configurations_are_solved() {
 fn elbow_fully_stretched_is_solved() {
     // The elbow angle of the farthest wrist is no round number: ternary search.
     let reach = |q4: f32| {
-        let frames = XARM7.joint_frames(&JointConfig([0.0, 0.0, 0.0, q4, 0.0, 0.0, 0.0]));
+        let frames = XARM7.joint_frames(&JointConfig::new([0.0, 0.0, 0.0, q4, 0.0, 0.0, 0.0]));
         (frames[5].translation - frames[0].translation).length()
     };
     let (mut low, mut high) = (-0.1f32, 1.0f32);
@@ -239,7 +240,7 @@ fn elbow_fully_stretched_is_solved() {
         let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
         if reach(a) < reach(b) { low = a } else { high = b }
     }
-    let config = JointConfig([0.4, 0.7, -0.3, low, 0.5, 1.0, 0.2]);
+    let config = JointConfig::new([0.4, 0.7, -0.3, low, 0.5, 1.0, 0.2]);
     let pose = XARM7.grip(&config);
     let found = XARM7.ik_nearest(&pose, &config).expect("reachable");
     assert_solves(&XARM7, &found, &pose);
@@ -278,7 +279,10 @@ fn windings_are_the_nearest_to_the_reference() {
 #[test]
 fn both_arms_have_the_structure_that_the_closed_form_assumes() {
     for robot in ROBOTS {
-        let [joint1, joint2, joint3, joint4, joint5, joint6, joint7] = &robot.joints;
+        let rows: Vec<_> = robot.joints.iter().filter_map(Joint::dh).collect();
+        let [joint1, joint2, joint3, joint4, joint5, joint6, joint7] = rows[..] else {
+            panic!("{}: {rows:?}", robot.name)
+        };
         assert_eq!(
             (joint1.alpha, joint1.a, joint2.a, joint2.d, joint3.a),
             (0.0, 0.0, 0.0, 0.0, 0.0)

@@ -2,7 +2,7 @@
 //! hang together is not.
 
 use crate::error::Result;
-use crate::robot::chain::Motion;
+use crate::robot::JointMotion;
 use crate::robot::fit::Solid;
 use crate::robot::mesh::{self, MeshReader};
 use crate::robot::xml::{
@@ -66,10 +66,12 @@ pub(super) enum Mobility {
 /// Axis (of length 1, in the joint's frame) and limits of a joint that turns or slides.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Drive {
-    pub(super) motion: Motion,
+    pub(super) motion: JointMotion,
     pub(super) axis: DVec3,
     pub(super) lower: f32,
     pub(super) upper: f32,
+    /// Turns without end; the limits are a turn either way.
+    pub(super) is_continuous: bool,
     pub(super) max_velocity: f32,
 }
 
@@ -128,16 +130,18 @@ fn read_joint(node: Node<'_>, name: &str, link_by_name: &BTreeMap<String, usize>
 
 fn mobility(node: Node<'_>) -> Result<Mobility> {
     let mimic = child(node, "mimic")?;
-    let limits = match attribute(node, "type")? {
+    let kind = attribute(node, "type")?;
+    let limits = match kind {
         "fixed" => return Ok(Mobility::Fixed),
         "floating" | "planar" => return Ok(Mobility::Free),
-        "revolute" => (Motion::Turn, needed_limits(node, mimic)?),
-        "prismatic" => (Motion::Slide, needed_limits(node, mimic)?),
-        "continuous" => (Motion::Turn, continuous_limits(node)?),
+        "revolute" => (JointMotion::Turn, needed_limits(node, mimic)?),
+        "prismatic" => (JointMotion::Slide, needed_limits(node, mimic)?),
+        "continuous" => (JointMotion::Turn, continuous_limits(node)?),
         other => return Err(fault(node, &format!("unknown type {}", quoted(other)))),
     };
     let (motion, Limits { lower, upper, max_velocity }) = limits;
-    let drive = Drive { motion, axis: axis(node)?, lower, upper, max_velocity };
+    let is_continuous = kind == "continuous";
+    let drive = Drive { motion, axis: axis(node)?, lower, upper, is_continuous, max_velocity };
     Ok(if mimic.is_some() { Mobility::Mimic(drive) } else { Mobility::Driven(drive) })
 }
 

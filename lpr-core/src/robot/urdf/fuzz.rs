@@ -96,11 +96,10 @@ fn check(
     tip: Option<&str>,
     mesh: &[u8],
 ) -> Result<(), TestCaseError> {
-    match Chain::from_urdf(urdf, srdf, tip, &|_| Some(mesh.to_vec())) {
+    match Robot::from_urdf(urdf, srdf, tip, &|_| Some(mesh.to_vec())) {
         Ok(chain) => {
-            prop_assert!((1..=DOF).contains(&chain.dof()));
-            let middle = chain.limits().map(|(lower, upper)| 0.5 * lower + 0.5 * upper);
-            prop_assert!(chain.tip_f64(&crate::robot::JointConfig(middle)).is_finite());
+            prop_assert!((1..=MAX_JOINTS).contains(&chain.dof()));
+            prop_assert!(chain.grip_f64(&chain.middle()).is_finite());
             let spheres = || chain.links.iter().flat_map(|link| &link.spheres);
             prop_assert!(spheres().all(|ball| ball.center.is_finite()
                 && ball.radius > 0.0
@@ -168,7 +167,7 @@ fn documents_may_be_deep_long_and_full_of_elements() {
     let entities =
         "<!DOCTYPE r [<!ENTITY a 'aaaaaaaa'><!ENTITY b '&a;&a;&a;&a;'>]><robot name='&b;'/>";
     for text in [nested.as_str(), &many, &long, &snake(N), entities] {
-        let error = Chain::from_urdf(text, None, None, &|_| None).expect_err("no arm").to_string();
+        let error = Robot::from_urdf(text, None, None, &|_| None).expect_err("no arm").to_string();
         assert!(error.len() < 1000, "{} characters", error.len());
     }
 }
@@ -180,7 +179,7 @@ fn a_link_may_be_deep_in_the_tree_if_few_joints_move() {
         .replacen("continuous", "revolving", 3)
         .replace("continuous", "fixed")
         .replace("revolving", "continuous");
-    let chain = Chain::from_urdf(&fixed, None, None, &|_| None).expect("three joints move");
+    let chain = Robot::from_urdf(&fixed, None, None, &|_| None).expect("three joints move");
     assert_eq!((chain.dof(), chain.links.len()), (3, N + 1));
 }
 
@@ -195,6 +194,6 @@ fn too_many_links_with_geometry_are_refused() {
         (0..600).map(|i| format!("<link name='k{i}'>{ball}</link>{}", joint(i))).collect();
     let text = text.replace("</robot>", &format!("{leaves}</robot>"));
     let error =
-        Chain::from_urdf(&text, None, Some("l3"), &|_| None).expect_err("601 links").to_string();
+        Robot::from_urdf(&text, None, Some("l3"), &|_| None).expect_err("601 links").to_string();
     assert!(error.contains("601 links have collision geometry, at most 500"), "{error}");
 }

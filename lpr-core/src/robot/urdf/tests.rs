@@ -1,5 +1,5 @@
 use super::*;
-use crate::robot::{JointConfig, Motion};
+use crate::robot::{JointConfig, JointMotion};
 use core::f64::consts::{FRAC_PI_2, TAU};
 use glamx::Vec3;
 
@@ -51,20 +51,20 @@ fn no_meshes(_: &str) -> Option<Vec<u8>> {
     None
 }
 
-fn arm() -> Chain {
-    Chain::from_urdf(ARM, None, Some("tool"), &no_meshes).expect("a valid document")
+fn arm() -> Robot {
+    Robot::from_urdf(ARM, None, Some("tool"), &no_meshes).expect("a valid document")
 }
 
-fn link<'a>(chain: &'a Chain, name: &str) -> &'a ChainLink {
+fn link<'a>(chain: &'a Robot, name: &str) -> &'a Link {
     chain.links.iter().find(|link| link.name == name).expect("a link of the document")
 }
 
 fn config(first: f32, second: f32) -> JointConfig {
-    JointConfig([first, second, 0.0, 0.0, 0.0, 0.0, 0.0])
+    JointConfig::new([first, second])
 }
 
 /// The names of allowed pairs.
-fn allowed(chain: &Chain) -> Vec<(&str, &str)> {
+fn allowed(chain: &Robot) -> Vec<(&str, &str)> {
     let name = |link: usize| chain.links[link].name.as_str();
     chain.allowed_self_collisions.iter().map(|&(a, b)| (name(a), name(b))).collect()
 }
@@ -86,7 +86,7 @@ fn joints_have_names_limits_and_motions_of_the_document() {
     let chain = arm();
     assert_eq!((chain.name.as_str(), chain.dof()), ("two", 2));
     let [shoulder, elbow] = &chain.joints[..] else { panic!("two joints move") };
-    assert_eq!((shoulder.name.as_str(), shoulder.motion), ("shoulder", Motion::Turn));
+    assert_eq!((shoulder.name.as_str(), shoulder.motion), ("shoulder", JointMotion::Turn));
     assert_eq!((shoulder.lower, shoulder.upper, shoulder.max_velocity), (-1.5, 2.0, 3.0));
     assert_eq!((elbow.lower, elbow.upper, elbow.max_velocity), (-TAU as f32, TAU as f32, 1.0));
 }
@@ -104,7 +104,7 @@ fn links_are_where_the_documents_transforms_put_them() {
             "{found:?} instead of {expected:?}"
         );
         assert!(found.rotation.dot(expected.rotation).abs() > 1.0 - 1e-12);
-        let tip = chain.tip_f64(&config(first, second));
+        let tip = chain.grip_f64(&config(first, second));
         assert!(tip.translation.distance(expected * DVec3::new(0.1, 0.0, 0.0)) < 1e-12);
     }
 }
@@ -161,13 +161,13 @@ fn without_semantics_neighbouring_bodies_may_touch() {
 
 #[test]
 fn semantics_say_which_link_is_the_tip_and_which_pairs_are_allowed() {
-    let chain = Chain::from_urdf(ARM, Some(SEMANTICS), None, &no_meshes).expect("a valid document");
-    assert_eq!(chain.tip(&config(0.3, 0.4)), arm().tip(&config(0.3, 0.4)));
+    let chain = Robot::from_urdf(ARM, Some(SEMANTICS), None, &no_meshes).expect("a valid document");
+    assert_eq!(chain.grip(&config(0.3, 0.4)), arm().grip(&config(0.3, 0.4)));
     assert_eq!(
         allowed(&chain),
         [("base", "upper"), ("fore", "hand"), ("fore", "right"), ("hand", "right")]
     );
-    let other_tip = Chain::from_urdf(ARM, Some(SEMANTICS), Some("upper"), &no_meshes)
+    let other_tip = Robot::from_urdf(ARM, Some(SEMANTICS), Some("upper"), &no_meshes)
         .expect("a valid document");
     assert_eq!(other_tip.dof(), 1);
 }
@@ -176,7 +176,7 @@ fn semantics_say_which_link_is_the_tip_and_which_pairs_are_allowed() {
 fn a_base_above_the_root_is_the_world() {
     let from_upper = SEMANTICS.replace("base_link=\"base\"", "base_link=\"upper\"");
     let chain =
-        Chain::from_urdf(ARM, Some(&from_upper), None, &no_meshes).expect("a valid document");
+        Robot::from_urdf(ARM, Some(&from_upper), None, &no_meshes).expect("a valid document");
     assert_eq!((chain.dof(), chain.joints[0].name.as_str()), (1, "elbow"));
     assert_eq!(link(&chain, "upper").body_from_link, DPose3::IDENTITY);
     let base = link(&chain, "base");
@@ -192,14 +192,14 @@ fn a_base_above_the_root_is_the_world() {
 fn the_only_leaf_of_the_longest_chain_is_the_tip() {
     // A finger with a motor of its own belongs to the longest chain: such a document needs a tip or
     // semantics.
-    let to_finger = Chain::from_urdf(ARM, None, None, &no_meshes)
+    let to_finger = Robot::from_urdf(ARM, None, None, &no_meshes)
         .expect("one finger has the most motors above it");
     assert_eq!(to_finger.joints[2].name, "grasp");
     let without_fingers = ARM.replace("type=\"prismatic\"", "type=\"fixed\"").replace(
         "<joint name=\"flange\" type=\"fixed\">",
         "<joint name=\"flange\" type=\"continuous\">",
     );
-    let chain = Chain::from_urdf(&without_fingers, None, None, &no_meshes)
+    let chain = Robot::from_urdf(&without_fingers, None, None, &no_meshes)
         .expect("the tool is the one tip");
     assert_eq!((chain.dof(), chain.joints[2].name.as_str()), (3, "flange"));
     let ambiguous = message(&ARM.replace("type=\"prismatic\"", "type=\"fixed\""));
@@ -219,9 +219,9 @@ fn an_axis_is_x_where_none_is_stated_and_any_direction_where_one_is() {
     ] {
         let text = ARM.replace("<axis xyz=\"0 0 -1\"/>", stated);
         let chain =
-            Chain::from_urdf(&text, None, Some("fore"), &no_meshes).expect("a valid document");
+            Robot::from_urdf(&text, None, Some("fore"), &no_meshes).expect("a valid document");
         let [before, after] =
-            [0.0, FRAC_PI_2 as f32].map(|q| chain.tip_f64(&config(0.0, q)).rotation);
+            [0.0, FRAC_PI_2 as f32].map(|q| chain.grip_f64(&config(0.0, q)).rotation);
         let turn = after * before.inverse();
         let expected = DQuat::from_axis_angle(axis, FRAC_PI_2);
         assert!(
@@ -241,7 +241,7 @@ fn meshes_are_asked_for_by_the_name_in_the_document() {
         (file == "package://two/hand.OBJ")
             .then(|| b"v 0 0 0\nv 100 0 0\nv 0 100 0\nf 1 2 3\n".to_vec())
     };
-    let chain = Chain::from_urdf(&text, None, Some("tool"), &reader).expect("the mesh is there");
+    let chain = Robot::from_urdf(&text, None, Some("tool"), &reader).expect("the mesh is there");
     let hand = link(&chain, "hand");
     assert!(
         hand.spheres
@@ -258,7 +258,7 @@ fn meshes_are_asked_for_by_the_name_in_the_document() {
 }
 
 fn message(urdf: &str) -> String {
-    Chain::from_urdf(urdf, None, None, &no_meshes)
+    Robot::from_urdf(urdf, None, None, &no_meshes)
         .expect_err("a document with a mistake")
         .to_string()
 }
@@ -397,7 +397,7 @@ fn loops_and_several_roots_are_named() {
 #[test]
 fn a_tip_that_cannot_be_reached_by_seven_joints_or_fewer_is_refused() {
     let tip = |text: &str, srdf: Option<&str>, tip| {
-        Chain::from_urdf(text, srdf, tip, &no_meshes).expect_err("no arm").to_string()
+        Robot::from_urdf(text, srdf, tip, &no_meshes).expect_err("no arm").to_string()
     };
     assert!(tip(ARM, None, Some("nose")).contains("the tip 'nose' is no link"));
     assert!(
@@ -420,7 +420,7 @@ fn a_tip_that_cannot_be_reached_by_seven_joints_or_fewer_is_refused() {
         tip(&snake(8), None, None)
             .contains("8 joints move between the base and the tip 'l8', at most 7")
     );
-    assert_eq!(Chain::from_urdf(&snake(7), None, None, &no_meshes).expect("seven joints").dof(), 7);
+    assert_eq!(Robot::from_urdf(&snake(7), None, None, &no_meshes).expect("seven joints").dof(), 7);
 }
 
 /// A chain of so many joints.
@@ -442,7 +442,7 @@ fn unknown_links_in_semantics_are_named() {
         ("tip_link=\"tool\"", "tip_link=\"palm\""),
         ("link2=\"base\"", "link2=\"palm\""),
     ] {
-        let error = Chain::from_urdf(ARM, Some(&SEMANTICS.replace(from, to)), None, &no_meshes)
+        let error = Robot::from_urdf(ARM, Some(&SEMANTICS.replace(from, to)), None, &no_meshes)
             .expect_err("no such link")
             .to_string();
         assert!(
@@ -451,6 +451,6 @@ fn unknown_links_in_semantics_are_named() {
         );
     }
     let error =
-        Chain::from_urdf(ARM, Some("<robot"), None, &no_meshes).expect_err("not XML").to_string();
+        Robot::from_urdf(ARM, Some("<robot"), None, &no_meshes).expect_err("not XML").to_string();
     assert!(error.contains("SRDF, line 1"), "{error}");
 }

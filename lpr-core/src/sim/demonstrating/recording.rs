@@ -26,7 +26,7 @@ pub fn demo_frames(env: &SimEnvironment, demo: &Demonstration) -> Vec<DemoFrame>
             joint_velocities: core::array::from_fn::<f32, DOF, _>(|j| {
                 (joints[j] - before[j]) / control_dt
             }),
-            gripper_open: Proprio::openness(width, robot.gripper.max_width) > 0.5,
+            gripper_open: Proprio::openness(width, env.world().gripper_spec().max_width) > 0.5,
             gripper_width: width,
             grip: robot.grip(&joints),
         }
@@ -150,11 +150,7 @@ mod tests {
         }
     }
 
-    fn followed(
-        task: &Arc<Task>,
-        robot: &'static Robot,
-        seed: u64,
-    ) -> (Demonstration, Demonstration) {
+    fn followed(task: &Arc<Task>, robot: &Arc<Robot>, seed: u64) -> (Demonstration, Demonstration) {
         let mut env = SimEnvironment::new(task, robot, seed, &["front"], &SimParams::STANDARD)
             .expect("a scene");
         let mut again = env.clone();

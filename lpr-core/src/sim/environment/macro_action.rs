@@ -74,7 +74,7 @@ impl SimEnvironment {
         if !path.configs().iter().all(|config| self.robot.within_limits(config)) {
             return Err(InvalidAction::OutsideLimits);
         }
-        let timed = TimedPath::new(path.clone(), self.robot, &self.timing)
+        let timed = TimedPath::new(path.clone(), &self.robot, &self.timing)
             .expect("the environment's timing is positive");
         if timed.duration_secs() > MOTION_TIMEOUT_SECS {
             return Err(InvalidAction::TooLong { seconds: timed.duration_secs() as f32 });

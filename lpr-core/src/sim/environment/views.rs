@@ -32,8 +32,8 @@ impl SimEnvironment {
     pub fn frames(&mut self, requests: &[CameraRequest]) -> Result<Vec<Capture>> {
         let world_from_flange = self.world_from_flange();
         let frame = |CameraRequest { camera, size: [width, height], channels }: &CameraRequest| {
-            let camera =
-                Camera::by_name(camera, self.robot, &world_from_flange)?.with_size(*width, *height);
+            let camera = Camera::by_name(camera, &self.robot, &world_from_flange)?
+                .with_size(*width, *height);
             Ok(self.frame(camera, channels))
         };
         requests.iter().map(frame).collect()
@@ -47,7 +47,7 @@ impl SimEnvironment {
 
     /// View of a built-in camera for an observation.
     pub(super) fn view(&mut self, name: &str) -> View {
-        let camera = Camera::by_name(name, self.robot, &self.world_from_flange())
+        let camera = Camera::by_name(name, &self.robot, &self.world_from_flange())
             .expect("camera names were checked at construction");
         self.drawing.view(&self.world, camera, self.step)
     }

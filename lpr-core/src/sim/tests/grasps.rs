@@ -33,7 +33,7 @@ fn stacked(
     side: f32,
     mass: f32,
     at: Vec3,
-    robot: &'static Robot,
+    robot: &Arc<Robot>,
     config: JointConfig,
 ) -> World {
     let cube = |idx: usize| {
@@ -75,8 +75,8 @@ fn move_to(world: &mut World, goal: &Pose3, mut watch: impl FnMut(&World)) {
 
 /// The greatest motion of a cube in the hand, metres and degrees, while the hand lifts it, swings
 /// it about and waits.
-fn slip(robot: &'static Robot, side: f32, mass: f32) -> (f32, f32) {
-    let at = robot.workspace_center.extend(0.0);
+fn slip(robot: &Arc<Robot>, side: f32, mass: f32) -> (f32, f32) {
+    let at = robot.workspace_center().unwrap().extend(0.0);
     let down = Quat::from_rotation_x(core::f32::consts::PI);
     let grasp = Pose3::from_parts(at + Vec3::Z * 0.5 * side, down);
     let config = robot.ik_nearest(&grasp, &robot.start).unwrap();
@@ -131,7 +131,7 @@ fn friction_holds_a_kilogram() {
 #[test]
 fn a_stack_of_six_stands_still_once_it_has_come_to_rest() {
     let robot = ROBOTS[0];
-    let at = robot.workspace_center.extend(0.0) + Vec3::Y * 0.3;
+    let at = robot.workspace_center().unwrap().extend(0.0) + Vec3::Y * 0.3;
     let mut world = stacked(6, 0.04, 0.1, at, robot, robot.start);
     let start = world.body_pose(5).translation;
     stand_still(&mut world, 1.0);
@@ -142,8 +142,8 @@ fn a_stack_of_six_stands_still_once_it_has_come_to_rest() {
     assert!(drift.length() < 1e-4, "drifted by {drift}");
 }
 
-/// Final position of the first joint of a task, which the demonstrator moves, metres or radians.
-fn moved(task: &str, robot: &'static Robot) -> f32 {
+/// Where the first joint of a task ends when the demonstrator moves it by `demonstrated`.
+fn moved(task: &str, robot: &Arc<Robot>) -> f32 {
     let task = Task::by_name(task).unwrap();
     let mut env = SimEnvironment::new(&task, robot, 0, &["front"], &SimParams::STANDARD).unwrap();
     let _ = demonstrate(&mut env, &mut stream(0, Stream::Demo, 0));

@@ -13,7 +13,7 @@ const HAND_RGB: [u8; 3] = [70, 72, 80];
 pub(in crate::sim) fn link_parts(robot: &Robot, frame: usize) -> Vec<Part> {
     debug_assert!(frame < N_LINKS, "a robot has {N_LINKS} frames, asked for {frame}");
     let rgb = if frame == HAND { HAND_RGB } else { LINK_RGB[frame % 2] };
-    robot.capsules[frame].iter().map(|capsule| capsule_part(capsule, rgb)).collect()
+    robot.links[frame].capsules.iter().map(|capsule| capsule_part(capsule, rgb)).collect()
 }
 
 fn capsule_part(capsule: &Capsule, rgb: [u8; 3]) -> Part {

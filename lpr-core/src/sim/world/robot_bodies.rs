@@ -47,8 +47,8 @@ impl World {
     /// Arm, hand and fingers with their poses now.
     #[must_use]
     pub fn robot_items(&self) -> Vec<(Pose3, Vec<Part>)> {
-        let links = (0..N_LINKS).map(|link| link_parts(self.robot, link));
-        self.robot_poses().zip(links.chain(finger_parts(&self.robot.gripper))).collect()
+        let links = (0..N_LINKS).map(|link| link_parts(&self.robot, link));
+        self.robot_poses().zip(links.chain(finger_parts(&self.gripper_spec))).collect()
     }
 
     /// Names the robot body `index` of [`World::robot_bodies`].

@@ -49,6 +49,7 @@ impl World {
             physics,
             params,
             robot,
+            gripper_spec: _,
             spec,
             bodies,
             joints,
@@ -59,7 +60,7 @@ impl World {
             gripper,
             config,
         } = self;
-        let origin: Origin<'_> = (rapier3d::VERSION, robot.name);
+        let origin: Origin<'_> = (rapier3d::VERSION, &robot.name);
         let state =
             (params, spec.as_ref(), bodies, joints, links, fingers, gripper, config, physics);
         let payload = postcard::to_allocvec(&(origin, state))
@@ -72,7 +73,7 @@ impl World {
     /// # Errors
     ///
     /// [`Error::Snapshot`] saying which version, rapier or robot it is of, or that it is damaged.
-    pub fn from_bytes(bytes: &[u8], robot: &'static Robot) -> Result<Self> {
+    pub fn from_bytes(bytes: &[u8], robot: &Arc<Robot>) -> Result<Self> {
         let payload = SEAL.open(bytes).map_err(|error| Error::Snapshot(error.to_string()))?;
         let ((rapier, name), state): (Origin<'_>, &[u8]) =
             postcard::take_from_bytes(payload).map_err(|error| unreadable(&error))?;
@@ -95,7 +96,7 @@ impl World {
         Self::of_state(state, robot)
     }
 
-    fn of_state(state: State, robot: &'static Robot) -> Result<Self> {
+    fn of_state(state: State, robot: &Arc<Robot>) -> Result<Self> {
         let (params, spec, bodies, joints, links, fingers, gripper, config, physics) = state;
         spec.check().map_err(|error| Error::Snapshot(error.to_string()))?;
         let handles = || bodies.iter().chain(&links).chain(&fingers);
@@ -103,6 +104,13 @@ impl World {
             || !handles().all(|handle| physics.bodies.contains(*handle))
         {
             return Err(Error::Snapshot("its bodies are not those of its scene".to_owned()));
+        }
+        if config.dof() != robot.dof() {
+            return Err(Error::Snapshot(format!(
+                "expected {} joints, found {}",
+                robot.dof(),
+                config.dof()
+            )));
         }
         if joints.len() != spec.joints.len()
             || !joints.iter().all(|joint| physics.impulse_joints.contains(*joint))
@@ -114,7 +122,8 @@ impl World {
         Ok(Self {
             physics,
             params,
-            robot,
+            robot: Arc::clone(robot),
+            gripper_spec: super::hand_of(robot)?,
             spec: Arc::new(spec),
             bodies,
             joints,
@@ -145,13 +154,13 @@ mod tests {
     use proptest::prelude::{any, prop, prop_assert, proptest};
     use std::sync::LazyLock;
 
-    fn environment(task: &str, robot: &'static Robot) -> SimEnvironment {
+    fn environment(task: &str, robot: &Arc<Robot>) -> SimEnvironment {
         let task = Task::by_name(task).expect("a task");
         SimEnvironment::new(&task, robot, 2, &["front"], &SimParams::STANDARD).expect("a scene")
     }
 
     /// The world after every control step of a demonstration.
-    fn frames(task: &str, robot: &'static Robot) -> Vec<World> {
+    fn frames(task: &str, robot: &Arc<Robot>) -> Vec<World> {
         demonstrate(&mut environment(task, robot), &mut stream(2, Stream::Demo, 0)).frames
     }
 
@@ -167,7 +176,7 @@ mod tests {
         &SNAPSHOT
     }
 
-    fn refusal(bytes: &[u8], robot: &'static Robot) -> String {
+    fn refusal(bytes: &[u8], robot: &Arc<Robot>) -> String {
         World::from_bytes(bytes, robot).expect_err("refused").to_string()
     }
 

@@ -20,7 +20,7 @@ const SPACING: f32 = 0.1;
 /// Angular frequency of the sweep, rad/s.
 const FREQUENCY: f32 = 2.0;
 /// Amplitude of every joint, radians: the arm turns to and fro and nods, above the boxes.
-const AMPLITUDES: JointConfig = JointConfig([0.5, 0.0, 0.0, 0.2, 0.0, 0.0, 0.0]);
+const AMPLITUDES: JointConfig = JointConfig::new([0.5, 0.0, 0.0, 0.2, 0.0, 0.0, 0.0]);
 
 /// An xArm7 that sweeps sinusoidally over ten boxes on a table.
 ///
@@ -55,8 +55,9 @@ impl ArmSweep {
         self.n_steps += 1;
         let phase = FREQUENCY * self.world.params().dt * self.n_steps as f32;
         let sine = libm::sinf(phase);
-        self.world
-            .step(&JointConfig(core::array::from_fn(|j| XARM7.start[j] + AMPLITUDES[j] * sine)))
+        self.world.step(&JointConfig::from_fn(XARM7.start.dof(), |j| {
+            XARM7.start[j] + AMPLITUDES[j] * sine
+        }))
     }
 
     /// The world now.

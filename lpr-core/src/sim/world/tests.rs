@@ -10,7 +10,7 @@ use crate::sim::placement::place;
 use crate::sim::tasks::{TASKS, Task};
 use glamx::Vec3;
 
-fn demonstration(task: &str, robot: &'static Robot, seed: u64) -> (SimEnvironment, Demonstration) {
+fn demonstration(task: &str, robot: &Arc<Robot>, seed: u64) -> (SimEnvironment, Demonstration) {
     let task = Task::by_name(task).unwrap();
     let mut env =
         SimEnvironment::new(&task, robot, seed, &["front"], &SimParams::STANDARD).unwrap();

@@ -13,7 +13,7 @@ use lpr_core::policy::{Policy, PolicySample};
 use lpr_core::q_attention::{ActingNetwork, NextBestPose, QObservation, QSample};
 use lpr_core::ranker::{RankedPath, Ranker, RankerContext, RankerSample, RankerTransition};
 use lpr_core::rng::{Stream, stream};
-use lpr_core::robot::{JointConfig, XARM7};
+use lpr_core::robot::XARM7;
 use lpr_core::sim::SimEnvironment;
 use lpr_core::sim::recording::record_demo;
 use lpr_core::train::{Run, Trainer, default_cameras, demonstration_scene};
@@ -110,9 +110,7 @@ fn policy_train(paper: &Config, goal: &NextBestPose) -> Result<Row> {
 
 /// Different paths of that length.
 fn ranked(n_paths: usize, path_len: usize) -> Vec<RankedPath> {
-    let end = |idx: usize| {
-        JointConfig(XARM7.start.0.map(|angle| angle + 0.3 * (idx + 1) as f32 / n_paths as f32))
-    };
+    let end = |idx: usize| XARM7.start.map(|angle| angle + 0.3 * (idx + 1) as f32 / n_paths as f32);
     let path = |idx| {
         JointPath::new(vec![XARM7.start, end(idx)]).expect("finite angles").resample(path_len)
     };

@@ -17,6 +17,7 @@ use lpr_core::scene::{
 use lpr_core::sim::SimEnvironment;
 use lpr_core::sim::tasks::Task;
 use std::hint::black_box;
+use std::sync::Arc;
 
 /// Solutions, curves and paths that are asked for.
 const PATHS: usize = 20;
@@ -38,7 +39,7 @@ pub(super) fn run() -> Result<Vec<Row>> {
 }
 
 /// 20 distinct solutions of a pose above the table.
-fn ik(name: &'static str, robot: &'static Robot) -> Row {
+fn ik(name: &'static str, robot: &Arc<Robot>) -> Row {
     let mut pose = robot.grip(&robot.start);
     pose.translation.z -= 0.1;
     let mut rng = stream(0, Stream::Ik, 0);
@@ -47,19 +48,19 @@ fn ik(name: &'static str, robot: &'static Robot) -> Row {
 
 /// Configurations on the way from a robot's start to one that differs in every joint.
 fn configs(robot: &Robot) -> Vec<JointConfig> {
-    let end = JointConfig(core::array::from_fn(|j| robot.start[j] + 0.1 * (j + 1) as f32));
+    let end = JointConfig::from_fn(DOF, |j| robot.start[j] + 0.1 * (j + 1) as f32);
     (0..MANY).map(|i| robot.start.lerp(&end, i as f32 / MANY as f32)).collect()
 }
 
 /// Forward kinematics of the flange.
-fn fk(name: &'static str, robot: &'static Robot) -> Row {
+fn fk(name: &'static str, robot: &Arc<Robot>) -> Row {
     let configs = configs(robot);
     measure(name, || configs.iter().map(|config| robot.flange(config).translation.x).sum::<f64>())
         .per(MANY)
 }
 
 /// All branches of the closed form at one angle of the last joint.
-fn ik_at(name: &'static str, robot: &'static Robot) -> Row {
+fn ik_at(name: &'static str, robot: &Arc<Robot>) -> Row {
     let questions: Vec<_> = configs(robot)
         .iter()
         .map(|config| (robot.grip(config), f64::from(config[DOF - 1])))
@@ -77,8 +78,7 @@ fn checks() -> Row {
     });
     let (scene, arm) = (Scene::from_primitives(boards.collect()), ArmSpheres::new(&PANDA));
     let checker = MotionChecker::new(&scene, &arm, 8.0);
-    let end =
-        JointConfig(core::array::from_fn(|j| PANDA.start[j] + if j == 0 { 0.5 } else { 0.0 }));
+    let end = JointConfig::from_fn(DOF, |j| PANDA.start[j] + if j == 0 { 0.5 } else { 0.0 });
     assert!(checker.motion_is_free(&PANDA.start, &end), "the arm turns in front of the shelf");
     let n_checks = checker.n_checks();
     assert_eq!(n_checks, 8, "one block");
@@ -150,8 +150,8 @@ fn timing() -> Result<Row> {
     })?;
     let path = path.resample(CONFIGS);
     let limits = MotionLimits {
-        velocity: PANDA.joints.map(|joint| f64::from(joint.max_velocity)),
-        acceleration: PANDA.joints.map(|joint| f64::from(joint.max_acceleration)),
+        velocity: core::array::from_fn(|j| f64::from(PANDA.joints[j].max_velocity)),
+        acceleration: core::array::from_fn(|j| f64::from(PANDA.joints[j].max_acceleration)),
         jerk: Some(JERK),
     };
     let grip = GripSpeedLimit { robot: &PANDA, max_speed: 0.5 };

@@ -24,7 +24,7 @@ pub(super) fn run() -> Result<Vec<Row>> {
 }
 
 /// Placement of a new scene, its settling and the first observation.
-fn reset(config: &Config, task: &Arc<Task>, robot: &'static Robot) -> Result<Row> {
+fn reset(config: &Config, task: &Arc<Task>, robot: &Arc<Robot>) -> Result<Row> {
     let mut env = SimEnvironment::new(task, robot, SCENE, &["front"], &config.simulator)?;
     let mut seed = SCENE;
     Ok(measure(format!("reset_rgbd_{}_{}", task.name, robot.name), || {

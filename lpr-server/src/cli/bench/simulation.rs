@@ -11,6 +11,7 @@ use lpr_core::robot::{Gripper, PANDA, Robot, XARM7};
 use lpr_core::sim::render::{Detail, Renderer};
 use lpr_core::sim::tasks::Task;
 use lpr_core::sim::{ArmSweep, ControlAction, SimEnvironment, SimParams, VectorEnvironment};
+use std::sync::Arc;
 
 /// Physics steps that are measured at once: one is too short.
 const PHYSICS_STEPS: usize = 20;
@@ -55,7 +56,7 @@ fn render(config: &Config) -> Result<[Row; 2]> {
     Ok([scene, measure("render_128_both_arms", || renderer.render(&camera, &items))])
 }
 
-fn busy_environment(config: &Config, robot: &'static Robot) -> Result<SimEnvironment> {
+fn busy_environment(config: &Config, robot: &Arc<Robot>) -> Result<SimEnvironment> {
     let task = Task::by_name("stack_wine")?;
     Ok(SimEnvironment::new(&task, robot, SCENE, &["front"], &config.simulator)?)
 }

@@ -133,13 +133,13 @@ fn of_file(
 
 /// Scene seed of a demonstration that `environment` can follow.
 fn scene_of(file: &DemoFile, environment: &SimEnvironment) -> Result<u64, String> {
-    let (task, robot) = (&environment.task().name, environment.robot().name);
+    let (task, robot) = (&environment.task().name, &environment.robot().name);
     let control_dt = environment.world().params().control_dt;
     let found_task = file.task.as_deref().unwrap_or("none");
     if found_task != task {
         return Err(format!("task: expected {task}, found {found_task}"));
     }
-    if file.robot != robot {
+    if file.robot != *robot {
         return Err(format!("robot: expected {robot}, found {}", file.robot));
     }
     if file.source == DemoSource::Arm {

@@ -75,12 +75,13 @@ impl<'a> Session<'a> {
             seed: arguments.seed,
             cameras: arguments.cameras.iter().map(|&name| name.to_owned()).collect(),
         };
-        let environment = simulator(&arguments.task, arguments.robot.robot, &run.cameras, &config)?;
+        let environment =
+            simulator(&arguments.task, &arguments.robot.robot, &run.cameras, &config)?;
         files::refuse_non_empty(&arguments.out)?;
         let (mut bar, before) = (new_bar(arguments), Instant::now());
         let demos = demonstrate(arguments, &environment, &config, &mut bar, &interruption)?;
         config.training.demonstrations = demos.len();
-        let text = config_toml(&config, &run, environment.robot().name, &demos)?;
+        let text = config_toml(&config, &run, &environment.robot().name, &demos)?;
         let mut trainer = Trainer::new(config, run, environment.clone())?;
         demonstrations::add(&mut trainer, &demos)?;
         run_directory::create(&arguments.out, &text)?;
@@ -101,8 +102,12 @@ impl<'a> Session<'a> {
         let unusable = |error| run_directory::unusable(&arguments.out, step, &error);
         let header = lpr_core::checkpoint::read_header(&checkpoint.weights).map_err(unusable)?;
         refuse_other_run(arguments, &header.run).map_err(unusable)?;
-        let environment =
-            simulator(&arguments.task, arguments.robot.robot, &header.run.cameras, &header.config)?;
+        let environment = simulator(
+            &arguments.task,
+            &arguments.robot.robot,
+            &header.run.cameras,
+            &header.config,
+        )?;
         let trainer = Trainer::resume(&checkpoint, environment.clone()).map_err(unusable)?;
         run_directory::clean(&arguments.out)?;
         let metrics = MetricsWriter::resume(&arguments.out, step)?;

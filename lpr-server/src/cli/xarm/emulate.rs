@@ -69,7 +69,7 @@ fn report_ports(text: &str) -> Result<[u16; 4], String> {
 }
 
 fn start(text: &str) -> Result<JointConfig, String> {
-    let config = JointConfig(
+    let config = JointConfig::new::<DOF>(
         numbers(text)
             .ok_or_else(|| format!("expected {DOF} angles in radians, separated by commas"))?,
     );

@@ -78,7 +78,7 @@ fn seconds(text: &str) -> Result<Duration, String> {
 #[derive(Debug, Serialize)]
 pub(in super::super) struct Report {
     task: String,
-    robot: &'static str,
+    robot: String,
     scene_seed: u64,
     goal: GoalRow,
     source: &'static str,
@@ -187,7 +187,7 @@ fn ports(arguments: &Arguments) -> Ports {
 
 fn load(run: &Path) -> Result<SavedAgent> {
     let saved = run_directory::latest_agent(run)?;
-    let robot = saved.agent.robot().name;
+    let robot = saved.agent.robot().name.clone();
     if robot == XARM7.name {
         return Ok(saved);
     }
@@ -218,7 +218,7 @@ fn report(
     let margins = path.margins();
     Report {
         task: task.name.clone(),
-        robot: XARM7.name,
+        robot: XARM7.name.clone(),
         scene_seed,
         goal: GoalRow {
             position: action.goal.pose.translation.to_array(),

@@ -1,6 +1,7 @@
 use super::*;
 use crate::jobs::Refused;
 use crate::jobs::event::{Event, Point};
+use crate::jobs::state::Refused;
 use serde_json::json;
 use tempfile::TempDir;
 use tokio::task::JoinSet;

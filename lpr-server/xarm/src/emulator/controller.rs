@@ -347,7 +347,7 @@ impl Controller {
 
     /// Positions, then velocities, then torques.
     fn joint_groups(&self, n: u8) -> Option<Answer> {
-        let groups = [self.world.joints().0, self.speeds, [0.0; DOF]];
+        let groups = [self.world.joints().to_array(), self.speeds, [0.0; DOF]];
         Some(Answer::Joints(groups.get(..usize::from(n & 0x0f))?.to_vec()))
     }
 
@@ -366,6 +366,6 @@ impl Controller {
     fn ik(&self, tcp: TcpPose) -> Option<Answer> {
         let world_from_grip = self.flange_of(tcp) * XARM7.flange_from_grip;
         let config = XARM7.ik_nearest(&Pose3::from(world_from_grip), &self.world.joints())?;
-        Some(Answer::Joints(vec![config.0]))
+        Some(Answer::Joints(vec![config.to_array()]))
     }
 }

@@ -4,7 +4,7 @@ use super::*;
 use proptest::prelude::*;
 
 fn config(size: f32) -> impl Strategy<Value = JointConfig> {
-    prop::array::uniform7(-size..size).prop_map(JointConfig)
+    prop::array::uniform7(-size..size).prop_map(JointConfig::new)
 }
 
 fn limits() -> impl Strategy<Value = MotionLimits> {
@@ -82,7 +82,7 @@ proptest! {
         let [velocity, acceleration, jerk] = exponents.map(|exponent| [libm::pow(10.0, f64::from(exponent)); DOF]);
         let limits = MotionLimits { velocity, acceleration, jerk: Some(jerk) };
         let start = JointState { velocities, ..standing(start) };
-        for goal in [JointConfig(goal), JointConfig([0.5; DOF])] {
+        for goal in [JointConfig::new(goal), JointConfig::new([0.5; DOF])] {
             for start in [start, JointState { velocities, ..standing([0.0; DOF]) }] {
                 if let Ok(trajectory) = point_to_point(&start, &goal, &limits) {
                     prop_assert!(trajectory.at(0.5 * trajectory.duration_secs()).is_finite());
@@ -97,7 +97,7 @@ const LIMITS: MotionLimits =
 
 #[test]
 fn a_long_way_takes_the_time_of_seven_phases() {
-    let at = |x| JointConfig([x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+    let at = |x| JointConfig::new([x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
     let duration = |limits| {
         point_to_point(&JointState::at_rest(&at(0.0)), &at(4.0), limits).unwrap().duration_secs()
     };
@@ -108,7 +108,7 @@ fn a_long_way_takes_the_time_of_seven_phases() {
 
 #[test]
 fn staying_takes_no_time() {
-    let rest = JointConfig([0.3; DOF]);
+    let rest = JointConfig::new([0.3; DOF]);
     let trajectory = point_to_point(&JointState::at_rest(&rest), &rest, &LIMITS).unwrap();
     assert_eq!(trajectory.duration_secs(), 0.0);
     assert_eq!(trajectory.at(1.0), JointState::at_rest(&rest));
@@ -116,8 +116,8 @@ fn staying_takes_no_time() {
 
 #[test]
 fn broken_input_is_told_from_motions_that_are_too_long() {
-    let rest = JointState::at_rest(&JointConfig([0.3; DOF]));
-    let goal = JointConfig([0.1; DOF]);
+    let rest = JointState::at_rest(&JointConfig::new([0.3; DOF]));
+    let goal = JointConfig::new([0.1; DOF]);
     let is_input = |found: Result<PointToPoint, NoMotion>| matches!(found, Err(NoMotion::Input(_)));
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         assert!(is_input(point_to_point(
@@ -126,14 +126,14 @@ fn broken_input_is_told_from_motions_that_are_too_long() {
             &MotionLimits { velocity: [bad; DOF], ..LIMITS }
         )));
     }
-    assert!(is_input(point_to_point(&rest, &JointConfig([f32::NAN; DOF]), &LIMITS)));
+    assert!(is_input(point_to_point(&rest, &JointConfig::new([f32::NAN; DOF]), &LIMITS)));
     assert!(is_input(point_to_point(
         &JointState { velocities: [f64::INFINITY; DOF], ..rest },
         &goal,
         &LIMITS
     )));
     assert_eq!(
-        point_to_point(&rest, &JointConfig([1e6; DOF]), &LIMITS).unwrap_err(),
+        point_to_point(&rest, &JointConfig::new([1e6; DOF]), &LIMITS).unwrap_err(),
         NoMotion::TooLong
     );
 }

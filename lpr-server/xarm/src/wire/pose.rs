@@ -62,7 +62,7 @@ mod tests {
 
     #[test]
     fn the_arm_stretched_out_is_where_the_vendor_says() {
-        let pose = TcpPose::from(XARM7.flange(&JointConfig([0.0; DOF])));
+        let pose = TcpPose::from(XARM7.flange(&JointConfig::new([0.0; DOF])));
         for (found, expected) in pose.position.into_iter().zip([0.206, 0.0, 0.1205]) {
             assert!((found - expected).abs() < 1e-9, "{pose:?}");
         }

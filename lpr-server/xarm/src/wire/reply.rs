@@ -127,7 +127,7 @@ impl Answer {
     #[must_use]
     pub fn joints(&self) -> Option<JointConfig> {
         let Self::Joints(groups) = self else { return None };
-        groups.first().copied().map(JointConfig)
+        groups.first().copied().map(JointConfig::new)
     }
 }
 

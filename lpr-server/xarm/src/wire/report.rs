@@ -303,11 +303,11 @@ impl ArmReading {
         let Some((state, queued)) = reader.u8().zip(reader.u16()) else { return Ok(None) };
         let (state, mode) = (State::from_number(state & 0x0f)?, Mode(state >> 4));
         let Some(((joints, pose), torques)) =
-            reader.f32s().zip(TcpPose::read(reader)).zip(reader.f32s())
+            reader.f32s::<DOF>().zip(TcpPose::read(reader)).zip(reader.f32s())
         else {
             return Ok(None);
         };
-        let joints = JointConfig(joints);
+        let joints = JointConfig::new(joints);
         if !joints.is_finite() {
             return Err(WireError::NotFinite("reported joint angle"));
         }
@@ -315,7 +315,7 @@ impl ArmReading {
     }
 
     fn write(&self, writer: &mut Writer) {
-        writer.u8(self.state as u8 | self.mode.0 << 4).u16(self.queued).f32s(&self.joints.0);
+        writer.u8(self.state as u8 | self.mode.0 << 4).u16(self.queued).f32s(&self.joints[..]);
         self.pose.write(writer);
         writer.f32s(&self.torques);
     }

@@ -179,10 +179,10 @@ impl Request {
             }
             Self::MoveHome(pace) => pace.write(writer),
             Self::Sleep(seconds) => _ = writer.f32s(&[*seconds]),
-            Self::ServoJoints(joints, pace) => pace.write(writer.f32s(&joints.0)),
+            Self::ServoJoints(joints, pace) => pace.write(writer.f32s(&joints[..])),
             Self::GetJoints(n) => _ = writer.bytes(n.as_slice()),
             Self::GetIk(pose) | Self::SetTcpOffset(pose) => pose.write(writer),
-            Self::GetFk(joints) | Self::IsJointLimit(joints) => _ = writer.f32s(&joints.0),
+            Self::GetFk(joints) | Self::IsJointLimit(joints) => _ = writer.f32s(&joints[..]),
             Self::Rs485(rtu) => rtu.write(writer),
             Self::WriteTool { host, address, value } => {
                 _ = writer.u8(*host).u16(*address).f32s(&[*value]);
@@ -232,15 +232,17 @@ fn read_params(register: u8, reader: &mut Reader<'_>) -> Result<Option<Request>>
         register::MOVE_HOME => Pace::read(reader).map(Request::MoveHome),
         register::SLEEP => reader.f32().map(Request::Sleep),
         register::SERVO_JOINTS => reader
-            .f32s()
+            .f32s::<DOF>()
             .zip(Pace::read(reader))
-            .map(|(joints, pace)| Request::ServoJoints(JointConfig(joints), pace)),
+            .map(|(joints, pace)| Request::ServoJoints(JointConfig::new(joints), pace)),
         register::GET_TCP_POSE => Some(Request::GetTcpPose),
         register::GET_JOINTS => Some(Request::GetJoints(reader.u8())),
         register::GET_IK => read_ik(reader),
-        register::GET_FK => reader.f32s().map(|joints| Request::GetFk(JointConfig(joints))),
+        register::GET_FK => {
+            reader.f32s::<DOF>().map(|joints| Request::GetFk(JointConfig::new(joints)))
+        }
         register::IS_JOINT_LIMIT => {
-            reader.f32s().map(|joints| Request::IsJointLimit(JointConfig(joints)))
+            reader.f32s::<DOF>().map(|joints| Request::IsJointLimit(JointConfig::new(joints)))
         }
         register::GET_JOINT_TORQUES => Some(Request::GetJointTorques),
         register::RS485 => Rtu::read(reader).map(Request::Rs485),

@@ -73,7 +73,7 @@ fn golden_requests() -> Vec<(Request, &'static str)> {
             hex(format!("0029 18 {joints} 920a863f 58a00b41 00002041")),
         ),
         (
-            Request::ServoJoints(JointConfig(target.map(Option::unwrap)), pace),
+            Request::ServoJoints(JointConfig::new(target.map(Option::unwrap)), pace),
             hex(format!("0029 1d {joints} 920a863f 58a00b41 00000000")),
         ),
         (
@@ -174,7 +174,7 @@ fn arm(state: State, joints: [f32; DOF], pose: TcpPose) -> ArmReading {
         state,
         mode: Mode::SERVO,
         queued: 3,
-        joints: JointConfig(joints),
+        joints: JointConfig::new(joints),
         pose,
         torques: [0.5; DOF],
     }
@@ -282,10 +282,10 @@ fn request() -> impl Strategy<Value = Request> {
         ),
         pace().prop_map(Request::MoveHome),
         (joints(), pace())
-            .prop_map(|(joints, pace)| Request::ServoJoints(JointConfig(joints), pace)),
+            .prop_map(|(joints, pace)| Request::ServoJoints(JointConfig::new(joints), pace)),
         prop::option::of(any::<u8>()).prop_map(Request::GetJoints),
         pose().prop_map(Request::GetIk),
-        joints().prop_map(|joints| Request::GetFk(JointConfig(joints))),
+        joints().prop_map(|joints| Request::GetFk(JointConfig::new(joints))),
         (any::<u8>(), any::<u8>(), body).prop_map(|(host, slave, body)| Request::Rs485(Rtu {
             host,
             slave,
@@ -350,8 +350,8 @@ fn report() -> impl Strategy<Value = Report> {
                 state,
                 mode: Mode::SERVO,
                 queued: 3,
-                target: JointConfig([0.1; DOF]),
-                joints: JointConfig(joints),
+                target: JointConfig::new([0.1; DOF]),
+                joints: JointConfig::new(joints),
                 joint_speeds: [0.2; DOF],
                 position: pose.position,
                 axis_angle: [0.1, 0.2, 0.3],

@@ -232,11 +232,16 @@ mod tests {
     use proptest::prelude::*;
 
     fn at(q: f32) -> JointConfig {
-        JointConfig([q; DOF])
+        JointConfig::new([q; DOF])
     }
 
     fn roadmap() -> Roadmap {
-        Roadmap::new(&at(-1.0), &[at(1.0), at(2.0)], [(-3.0, 3.0); DOF], [0, 1])
+        Roadmap::new(
+            &at(-1.0),
+            &[at(1.0), at(2.0)],
+            [(-3.0, 3.0); DOF].into_iter().collect(),
+            [0, 1],
+        )
     }
 
     /// Every milestone hangs on its parent, is in its parent's tree and in exactly its own cell of
@@ -305,7 +310,7 @@ mod tests {
             for step in 0..n {
                 let root = if step % 2 == 0 { Root::Start } else { Root::Goal };
                 let (near, far) = (roadmap.sparse(root, rng), roadmap.sparse(root.other(), rng));
-                let config = JointConfig(core::array::from_fn(|_| rng.random_range(-3.0..3.0)));
+                let config = JointConfig::from_fn(DOF, |_| rng.random_range(-3.0..3.0));
                 roadmap.push(config, near);
                 let unknown = roadmap.unknown_edges(near);
                 if let Some((child, _)) = unknown.last() {
@@ -323,7 +328,7 @@ mod tests {
             let rng = &mut stream(seed, Stream::Planner, 0);
             let mut roadmap = roadmap();
             for _ in 0..60 {
-                let config = JointConfig(core::array::from_fn(|_| rng.random_range(-3.0..3.0)));
+                let config = JointConfig::from_fn(DOF, |_| rng.random_range(-3.0..3.0));
                 roadmap.push(config, rng.random_range(0..3));
             }
             let of = roadmap.milestones.len() - 1;

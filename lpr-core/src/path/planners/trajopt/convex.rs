@@ -11,7 +11,7 @@
 
 use crate::path::planners::course::{Touch, compliance, shift, straight_course};
 use crate::path::planners::plan::{Bounds, clamped};
-use crate::robot::{DOF, JointConfig};
+use crate::robot::JointConfig;
 
 /// Radians by which no waypoint moves any more when the multipliers have converged.
 const CONVERGED: f32 = 1e-4;
@@ -28,7 +28,7 @@ pub(super) fn energy(course: &[JointConfig]) -> f32 {
 struct LinearGap {
     edge: usize,
     fraction: f32,
-    gradient: [f32; DOF],
+    gradient: JointConfig,
     /// `v` above: how far the gap would be short with all joints at 0, metres.
     level: f32,
     /// Motion of every waypoint, the ends included, along the gradient for a unit of the
@@ -72,7 +72,7 @@ impl Convex {
         &self,
         course: &[JointConfig],
         trust: f32,
-        limits: &Bounds,
+        limits: &[(f32, f32)],
         sweeps: u32,
     ) -> Vec<JointConfig> {
         let n = course.len() - 2;
@@ -80,7 +80,7 @@ impl Convex {
             course.iter().map(|config| trusted(config, trust, limits)).collect();
         let mut x = straight_course(&course[0], &[], &course[n + 1], n);
         let mut multipliers = vec![0.0; self.gaps.len()];
-        let mut holds = vec![[0.0; DOF]; n + 2];
+        let mut holds = vec![course[0].map(|_| 0.0); n + 2];
         for _ in 0..sweeps {
             let mut moved: f32 = 0.0;
             for (gap, multiplier) in self.gaps.iter().zip(&mut multipliers) {
@@ -98,11 +98,12 @@ impl Convex {
 }
 
 /// The part of the box around `config` that is within the limits; `config` itself, where it is not.
-fn trusted(config: &JointConfig, trust: f32, limits: &Bounds) -> Bounds {
-    core::array::from_fn(|j| {
+fn trusted(config: &JointConfig, trust: f32, limits: &[(f32, f32)]) -> Bounds {
+    let range = |j: usize| {
         let (low, high) = (limits[j].0.min(config[j]), limits[j].1.max(config[j]));
         ((config[j] - trust).max(low), (config[j] + trust).min(high))
-    })
+    };
+    (0..limits.len()).map(range).collect()
 }
 
 impl LinearGap {
@@ -127,7 +128,7 @@ impl LinearGap {
     /// Shortfall of the gap, metres; negative when it is wider than it has to be.
     fn shortfall(&self, course: &[JointConfig]) -> f32 {
         let config = course[self.edge].lerp(&course[self.edge + 1], self.fraction);
-        self.level - config.iter().zip(&self.gradient).map(|(q, g)| q * g).sum::<f32>()
+        self.level - config.iter().zip(self.gradient.iter()).map(|(q, g)| q * g).sum::<f32>()
     }
 
     /// Sets the multiplier to its best value, which moves the course; returns how far, radians.
@@ -149,20 +150,25 @@ impl LinearGap {
 
 /// Sets the multipliers of the bounds on waypoint `k` to their best values; returns how far that
 /// moves the course, radians.
-fn hold(x: &mut [JointConfig], k: usize, bounds: &Bounds, multipliers: &mut [f32; DOF]) -> f32 {
+fn hold(
+    x: &mut [JointConfig],
+    k: usize,
+    bounds: &[(f32, f32)],
+    multipliers: &mut JointConfig,
+) -> f32 {
     let n = x.len() - 2;
     let weight = 1.0 / (n + 1) as f32;
     let curvature = weight * compliance(n, k, k);
-    let unheld = JointConfig(core::array::from_fn(|j| x[k][j] + multipliers[j] * curvature));
+    let unheld = JointConfig::from_fn(bounds.len(), |j| x[k][j] + multipliers[j] * curvature);
     let held = clamped(&unheld, bounds);
-    let changes: [f32; DOF] =
-        core::array::from_fn(|j| (unheld[j] - held[j]) / curvature - multipliers[j]);
+    let changes =
+        JointConfig::from_fn(bounds.len(), |j| (unheld[j] - held[j]) / curvature - multipliers[j]);
     let most = changes.iter().fold(0.0, |most: f32, change| most.max(change.abs())) * curvature;
     if most > 0.0 {
         for (i, config) in x.iter_mut().enumerate() {
             shift(config, &changes, -weight * compliance(n, i, k));
         }
-        for (multiplier, change) in multipliers.iter_mut().zip(changes) {
+        for (multiplier, change) in multipliers.iter_mut().zip(changes.iter()) {
             *multiplier += change;
         }
     }
@@ -173,10 +179,11 @@ fn hold(x: &mut [JointConfig], k: usize, bounds: &Bounds, multipliers: &mut [f32
 mod tests {
     use super::*;
     use crate::rng::{Stream, stream};
+    use crate::robot::DOF;
     use crate::scene::Proximity;
     use proptest::prelude::*;
 
-    const LIMITS: Bounds = [(-2.0, 2.0); DOF];
+    const LIMITS: [(f32, f32); DOF] = [(-2.0, 2.0); DOF];
     const WAYPOINTS: usize = 6;
     /// Metres.
     const SAFE_DISTANCE: f32 = 0.02;
@@ -184,7 +191,7 @@ mod tests {
     const SWEEPS: u32 = 5000;
 
     fn config() -> impl Strategy<Value = JointConfig> {
-        prop::array::uniform7(-1.5_f32..1.5).prop_map(JointConfig)
+        prop::array::uniform7(-1.5_f32..1.5).prop_map(JointConfig::new)
     }
 
     fn touch() -> impl Strategy<Value = Touch> {
@@ -193,7 +200,7 @@ mod tests {
             |(edge, fraction, (distance, gradient))| Touch {
                 edge,
                 fraction,
-                proximity: Proximity { distance, gradient },
+                proximity: Proximity { distance, gradient: JointConfig::new(gradient) },
             },
         )
     }
@@ -217,7 +224,7 @@ mod tests {
             for scale in [0.3, 0.1, 0.03, 0.01] {
                 let mut other = solved.clone();
                 for k in 1..=WAYPOINTS {
-                    let moved = JointConfig(core::array::from_fn(|j| other[k][j] + scale * rng.random_range(-1.0_f32..1.0)));
+                    let moved = JointConfig::from_fn(DOF, |j| other[k][j] + scale * rng.random_range(-1.0_f32..1.0));
                     other[k] = clamped(&moved, &trusted(&course[k], trust, &LIMITS));
                 }
                 let slack = 1e-3 * (1.0 + convex.cost(&solved));
@@ -241,7 +248,7 @@ mod tests {
 
     #[test]
     fn without_anything_near_and_enough_trust_the_solution_is_straight() {
-        let at = |q: f32| JointConfig([q; DOF]);
+        let at = |q: f32| JointConfig::new([q; DOF]);
         let bowed = [0.0, 0.5, 0.9, 0.4, 0.3].map(at);
         let solved =
             Convex::new(&bowed, &[], SAFE_DISTANCE, 1.0).solve(&bowed, 1.0, &LIMITS, SWEEPS);
@@ -252,10 +259,12 @@ mod tests {
 
     #[test]
     fn a_gap_that_is_short_pushes_the_course_until_it_is_not() {
-        let at = |q: f32| JointConfig([q; DOF]);
+        let at = |q: f32| JointConfig::new([q; DOF]);
         let straight = [0.0, 0.1, 0.2, 0.3, 0.4].map(at);
-        let proximity =
-            Proximity { distance: -0.01, gradient: [0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0] };
+        let proximity = Proximity {
+            distance: -0.01,
+            gradient: JointConfig::new([0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+        };
         let near = [Touch { edge: 1, fraction: 1.0, proximity }];
         let moved = |penalty| {
             Convex::new(&straight, &near, SAFE_DISTANCE, penalty)

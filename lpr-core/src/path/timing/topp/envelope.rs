@@ -218,7 +218,7 @@ mod tests {
         MotionLimits { velocity: [2.0; DOF], acceleration: [8.0; DOF], jerk: None };
 
     fn path() -> impl Strategy<Value = SmoothPath> {
-        prop::collection::vec(prop::array::uniform7(-2.0_f32..2.0).prop_map(JointConfig), 2..8)
+        prop::collection::vec(prop::array::uniform7(-2.0_f32..2.0).prop_map(JointConfig::new), 2..8)
             .prop_map(|configs| SmoothPath::through(&JointPath::new(configs).unwrap()))
             .prop_filter("moves", |path| path.n_pieces() > 0)
     }

@@ -34,7 +34,7 @@ fn durations_are_those_of_toppra() {
     let golden: Golden = serde_json::from_str(GOLDEN).expect("golden file");
     assert_eq!(
         golden.limits.acceleration,
-        PANDA.joints.map(|joint| f64::from(joint.max_acceleration))
+        core::array::from_fn(|j| f64::from(PANDA.joints[j].max_acceleration))
     );
     let limits = MotionLimits {
         velocity: golden.limits.velocity,

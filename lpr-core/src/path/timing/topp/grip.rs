@@ -11,7 +11,7 @@ use super::grid::Interval;
 use super::grip_bound::GripBound;
 use super::spline::{Piece, SmoothPath};
 use crate::path::timing::motion_limits::GripSpeedLimit;
-use crate::robot::{DOF, Robot};
+use crate::robot::{DOF, DhRow, Robot};
 use glamx::DVec3;
 
 /// Largest error of a parabola through both ends and the middle of an interval, per third
@@ -61,6 +61,7 @@ struct Stretch {
 #[derive(Debug)]
 pub(super) struct Arm<'a> {
     robot: &'a Robot,
+    rows: [DhRow; DOF],
     /// Sines and cosines of the twists before the joints.
     twists: [(f64, f64); DOF],
     /// Distance that no point of the grip can have from any joint, metres.
@@ -69,10 +70,13 @@ pub(super) struct Arm<'a> {
 
 impl<'a> Arm<'a> {
     pub(super) fn of(robot: &'a Robot) -> Self {
+        let row = |j: usize| robot.joints[j].dh().copied();
+        let rows = core::array::from_fn(|j| row(j).expect("an arm by modified-DH rows"));
         Self {
             robot,
-            twists: robot.joints.map(|joint| libm::sincos(joint.alpha)),
-            reach: reach(robot),
+            rows,
+            twists: rows.map(|row| libm::sincos(row.alpha)),
+            reach: reach(robot, &rows),
         }
     }
 
@@ -80,10 +84,10 @@ impl<'a> Arm<'a> {
     /// velocity in the frame of one joint after the other, down to the base.
     pub(super) fn velocity(&self, angles: &[f64; DOF], rates: &[f64; DOF]) -> DVec3 {
         let mut at =
-            self.robot.link7_from_flange.transform_point(self.robot.flange_from_grip.translation);
+            self.robot.body_from_flange.transform_point(self.robot.flange_from_grip.translation);
         let mut velocity = DVec3::ZERO;
         for j in (0..DOF).rev() {
-            let joint = &self.robot.joints[j];
+            let joint = &self.rows[j];
             let turn = libm::sincos(angles[j]);
             at = turned_about_z(DVec3::new(at.x, at.y, at.z + joint.d), turn);
             velocity = turned_about_z(velocity, turn) + rates[j] * DVec3::new(-at.y, at.x, 0.0);
@@ -155,10 +159,10 @@ fn growth(piece: &Piece, stretch: &Stretch) -> f64 {
 }
 
 /// Links stretched out, metres.
-fn reach(robot: &Robot) -> f64 {
-    let links: f64 = robot.joints.iter().map(|joint| libm::hypot(joint.a, joint.d)).sum();
+fn reach(robot: &Robot, rows: &[DhRow; DOF]) -> f64 {
+    let links: f64 = rows.iter().map(|joint| libm::hypot(joint.a, joint.d)).sum();
     let length = |v: DVec3| libm::sqrt(v.dot(v));
-    links + length(robot.link7_from_flange.translation) + length(robot.flange_from_grip.translation)
+    links + length(robot.body_from_flange.translation) + length(robot.flange_from_grip.translation)
 }
 
 #[cfg(test)]
@@ -187,7 +191,7 @@ mod tests {
             angles in prop::array::uniform7(-3.0_f32..3.0), rates in prop::array::uniform7(-2.0..2.0_f64),
         ) {
             for robot in ROBOTS {
-                let jacobian = robot.jacobian(&JointConfig(angles));
+                let jacobian = robot.jacobian(&JointConfig::new(angles));
                 let velocity = Arm::of(robot).velocity(&angles.map(f64::from), &rates);
                 for (row, found) in jacobian.iter().zip(velocity.to_array()) {
                     let expected: f64 = row.iter().zip(rates).map(|(per_rate, rate)| per_rate * rate).sum();
@@ -198,7 +202,7 @@ mod tests {
 
         #[test]
         fn the_bound_is_above_the_grips_speed_and_near_it(
-            angles in prop::collection::vec(prop::array::uniform7(-1.0_f32..1.0).prop_map(JointConfig), 2..6),
+            angles in prop::collection::vec(prop::array::uniform7(-1.0_f32..1.0).prop_map(JointConfig::new), 2..6),
         ) {
             let path = SmoothPath::through(&JointPath::new(angles).unwrap());
             prop_assume!(path.n_pieces() > 0);

@@ -171,7 +171,7 @@ mod tests {
         MotionLimits { velocity: [2.0; DOF], acceleration: [10.0; DOF], jerk: None };
 
     fn straight(length: f32) -> SmoothPath {
-        let ends = [0.0, length].map(|x| JointConfig([x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
+        let ends = [0.0, length].map(|x| JointConfig::new([x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
         SmoothPath::through(&JointPath::new(ends.to_vec()).unwrap())
     }
 

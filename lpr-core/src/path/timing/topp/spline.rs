@@ -20,7 +20,7 @@ const SAME: f64 = 1e-6;
 /// use lpr_core::path::{JointPath, SmoothPath};
 /// use lpr_core::robot::JointConfig;
 ///
-/// let corner = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]].map(|[a, b]| JointConfig([a, b, 0.0, 0.0, 0.0, 0.0, 0.0]));
+/// let corner = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]].map(|[a, b]| JointConfig::new([a, b, 0.0, 0.0, 0.0, 0.0, 0.0]));
 /// let curve = SmoothPath::through(&JointPath::new(corner.to_vec())?);
 /// assert_eq!(curve.chord_length(), 2.0, "radians of the polyline");
 /// assert_eq!(curve.angles_at(1.0)[..2], [1.0, 0.0], "through the corner");
@@ -165,14 +165,14 @@ impl Piece {
 /// The configurations without those next to the one before; start and goal are exact. One when
 /// nothing moves.
 fn distinct(configs: &[JointConfig]) -> Vec<[f64; DOF]> {
-    let mut kept = vec![configs[0].0.map(f64::from)];
+    let mut kept = vec![configs[0].to_array::<DOF>().map(f64::from)];
     for config in configs {
-        let angles = config.0.map(f64::from);
+        let angles = config.to_array::<DOF>().map(f64::from);
         if distance(&kept[kept.len() - 1], &angles) > SAME {
             kept.push(angles);
         }
     }
-    let goal = configs[configs.len() - 1].0.map(f64::from);
+    let goal = configs[configs.len() - 1].to_array::<DOF>().map(f64::from);
     while kept.len() > 1 && distance(&kept[kept.len() - 1], &goal) <= SAME {
         kept.pop();
     }
@@ -226,8 +226,11 @@ mod tests {
     use proptest::prelude::*;
 
     fn path() -> impl Strategy<Value = JointPath> {
-        prop::collection::vec(prop::array::uniform7(-3.0_f32..3.0).prop_map(JointConfig), 2..20)
-            .prop_map(|configs| JointPath::new(configs).unwrap())
+        prop::collection::vec(
+            prop::array::uniform7(-3.0_f32..3.0).prop_map(JointConfig::new),
+            2..20,
+        )
+        .prop_map(|configs| JointPath::new(configs).unwrap())
     }
 
     fn close(a: &[f64; DOF], b: &[f64; DOF], tolerance: f64) -> bool {
@@ -240,7 +243,7 @@ mod tests {
             let smooth = SmoothPath::through(&path);
             prop_assert_eq!(smooth.knots.len(), path.configs().len());
             for (knot, config) in smooth.knots.iter().zip(path.configs()) {
-                prop_assert!(close(&smooth.angles_at(knot.at), &config.0.map(f64::from), 1e-14));
+                prop_assert!(close(&smooth.angles_at(knot.at), &config.to_array::<DOF>().map(f64::from), 1e-14));
             }
             for idx in 1..smooth.n_pieces() {
                 let (before, after) = (smooth.piece(idx - 1), smooth.piece(idx));
@@ -280,7 +283,7 @@ mod tests {
 
     #[test]
     fn a_polyline_along_a_line_stays_straight() {
-        let at = |x: f32| JointConfig([x, -x, 0.5, 2.0 * x, 0.0, 0.0, x]);
+        let at = |x: f32| JointConfig::new([x, -x, 0.5, 2.0 * x, 0.0, 0.0, x]);
         let smooth =
             SmoothPath::through(&JointPath::new([0.0, 0.25, 0.5, 2.0].map(at).to_vec()).unwrap());
         assert!(smooth.deviation() < 1e-15);
@@ -288,7 +291,7 @@ mod tests {
 
     #[test]
     fn repeated_configurations_count_once_and_the_ends_are_exact() {
-        let at = |x: f32| JointConfig([x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let at = |x: f32| JointConfig::new([x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]);
         let n_knots = |configs: &[f32]| {
             let smooth = SmoothPath::through(
                 &JointPath::new(configs.iter().map(|x| at(*x)).collect()).unwrap(),

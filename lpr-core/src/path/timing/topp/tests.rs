@@ -20,7 +20,7 @@ const TOLERANCE: f64 = 1e-6;
 /// Angles of a small set beside any: paths with pauses, ways back and lines along one joint.
 fn config() -> impl Strategy<Value = JointConfig> {
     let angle = prop_oneof![4 => -2.5_f32..2.5, 1 => Just(0.0), 1 => Just(1.0)];
-    prop::array::uniform7(angle).prop_map(JointConfig)
+    prop::array::uniform7(angle).prop_map(JointConfig::new)
 }
 
 fn path() -> impl Strategy<Value = JointPath> {
@@ -34,13 +34,13 @@ fn path() -> impl Strategy<Value = JointPath> {
             for (step, exponent) in steps {
                 let last = configs[configs.len() - 1];
                 let size = libm::powf(10.0, exponent);
-                configs.push(JointConfig(core::array::from_fn(|j| last[j] + size * step[j])));
+                configs.push(JointConfig::from_fn(DOF, |j| last[j] + size * step[j]));
             }
             configs
         });
     let along_a_joint = prop::collection::vec(0..3_u8, 2..9).prop_map(|xs| {
         xs.into_iter()
-            .map(|x| JointConfig([0.3, f32::from(x), 0.0, -1.0, 0.0, 1.0, 0.0]))
+            .map(|x| JointConfig::new([0.3, f32::from(x), 0.0, -1.0, 0.0, 1.0, 0.0]))
             .collect::<Vec<_>>()
     });
     prop_oneof![4 => anywhere, 2 => near, 1 => along_a_joint]
@@ -206,7 +206,7 @@ proptest! {
 }
 
 fn line(length: f32) -> SmoothPath {
-    let ends = [0.0, length].map(|x| JointConfig([x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
+    let ends = [0.0, length].map(|x| JointConfig::new([x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
     SmoothPath::through(&JointPath::new(ends.to_vec()).unwrap())
 }
 
@@ -321,9 +321,7 @@ fn lengths_at_the_ends_of_f32_are_timed_or_refused() {
 fn the_work_grows_with_the_configurations_and_no_faster() {
     let configs = |n: u16| {
         (0..n).map(|i| {
-            JointConfig(core::array::from_fn(|j| {
-                libm::sinf(0.01 * f32::from(i) * (1.0 + j as f32))
-            }))
+            JointConfig::from_fn(DOF, |j| libm::sinf(0.01 * f32::from(i) * (1.0 + j as f32)))
         })
     };
     let n_stretches = |n| {

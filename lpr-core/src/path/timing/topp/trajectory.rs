@@ -13,7 +13,7 @@ use crate::robot::DOF;
 /// use lpr_core::path::{JointPath, JointState, MotionLimits, SmoothPath, time_optimal};
 /// use lpr_core::robot::JointConfig;
 ///
-/// let (start, goal) = (JointConfig([0.0; 7]), JointConfig([0.3; 7]));
+/// let (start, goal) = (JointConfig::new([0.0; 7]), JointConfig::new([0.3; 7]));
 /// let path = SmoothPath::through(&JointPath::new(vec![start, goal])?);
 /// let limits = MotionLimits { velocity: [1.0; 7], acceleration: [4.0; 7], jerk: Some([40.0; 7]) };
 /// let motion = time_optimal(&path, &limits, None)?;

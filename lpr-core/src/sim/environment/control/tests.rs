@@ -9,7 +9,7 @@ use crate::sim::world::{Grasp, SimParams, World};
 use rand::RngExt as _;
 use std::sync::Arc;
 
-fn environment(task: &Arc<Task>, robot: &'static Robot, seed: u64) -> SimEnvironment {
+fn environment(task: &Arc<Task>, robot: &Arc<Robot>, seed: u64) -> SimEnvironment {
     SimEnvironment::new(task, robot, seed, &["front"], &SimParams::STANDARD).unwrap()
 }
 
@@ -86,7 +86,7 @@ struct Tally {
 }
 
 /// Control steps with arbitrary targets, starting over where the world has ended an episode.
-fn fuzz(task: &Arc<Task>, robot: &'static Robot, n_steps: usize) -> Tally {
+fn fuzz(task: &Arc<Task>, robot: &Arc<Robot>, n_steps: usize) -> Tally {
     let mut rng = stream(1, Stream::Explore, 0);
     let start = environment(task, robot, 3);
     let (mut env, mut tally, mut heading) = (start.clone(), Tally::default(), [0.0; DOF]);
@@ -124,7 +124,7 @@ fn fuzz(task: &Arc<Task>, robot: &'static Robot, n_steps: usize) -> Tally {
 }
 
 /// Half of the hundred thousand steps that both robots do, spread over the tasks.
-fn fuzz_tasks(robot: &'static Robot) {
+fn fuzz_tasks(robot: &Arc<Robot>) {
     let mut sum = Tally::default();
     for task in TASKS.iter() {
         let tally = fuzz(task, robot, 50_000 / TASKS.len());

@@ -138,7 +138,7 @@ fn plan_joints(
     speed: f64,
     acceleration: f64,
 ) -> Result<TaskKind, PlanError> {
-    let goal = JointConfig(core::array::from_fn(|j| target[j].unwrap_or(start[j])));
+    let goal = JointConfig::from_fn(DOF, |j| target[j].unwrap_or(start[j]));
     if !(goal.is_finite() && speed.is_finite() && acceleration.is_finite()) {
         return Err(PlanError::Malformed);
     }

@@ -81,7 +81,7 @@ impl Controller {
         /// Seconds over which the velocity is a difference.
         const STEP: f64 = 1e-3;
         let joints = self.world.joints();
-        let after = JointConfig(core::array::from_fn(|j| joints[j] + self.speeds[j] * STEP as f32));
+        let after = JointConfig::from_fn(DOF, |j| joints[j] + self.speeds[j] * STEP as f32);
         (XARM7.flange(&after).translation - XARM7.flange(&joints).translation).length() / STEP
     }
 }

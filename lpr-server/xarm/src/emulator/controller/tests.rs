@@ -182,7 +182,7 @@ fn a_pause_waits_and_running_goes_on() {
 fn leaving_the_joint_limits_is_an_error_until_it_is_cleared() {
     for (mode, request) in [
         (Mode::POSITION, turn(7.0)),
-        (Mode::SERVO, Request::ServoJoints(JointConfig([7.0; 7]), PACE)),
+        (Mode::SERVO, Request::ServoJoints(JointConfig::new([7.0; 7]), PACE)),
     ] {
         let mut desk = Desk::ready(mode);
         assert_eq!(desk.ask(&request).status, Status(Status::ERROR | Status::NOT_READY));
@@ -215,7 +215,7 @@ fn the_newest_servo_point_wins() {
 #[test]
 fn a_stop_forgets_the_servo_point() {
     let mut desk = Desk::ready(Mode::SERVO);
-    desk.ask(&Request::ServoJoints(JointConfig([1.0; 7]), PACE));
+    desk.ask(&Request::ServoJoints(JointConfig::new([1.0; 7]), PACE));
     desk.controller.advance(0.01);
     desk.ask(&Request::SetState(StateCommand::Stop));
     let stopped_at = desk.joints();
@@ -285,7 +285,7 @@ fn inverse_kinematics_lead_back_to_the_pose() {
     let mut desk = Desk::ready(Mode::POSITION);
     let offset = TcpPose { position: [0.0, 0.01, 0.15], rpy: [0.0, 0.0, 0.5] };
     desk.ask(&Request::SetTcpOffset(offset));
-    let config = JointConfig([0.3, -0.5, 0.2, 1.0, 0.1, 1.4, -0.3]);
+    let config = JointConfig::new([0.3, -0.5, 0.2, 1.0, 0.1, 1.4, -0.3]);
     let Answer::Pose(pose) = desk.ask(&Request::GetFk(config)).answer else { panic!("no pose") };
     let found = desk.ask(&Request::GetIk(pose)).answer.joints().unwrap();
     let Answer::Pose(again) = desk.ask(&Request::GetFk(found)).answer else { panic!("no pose") };
@@ -362,7 +362,7 @@ fn where_arm_and_fingers_are_is_for_the_world_to_say() {
 #[test]
 fn after_a_stop_motions_begin_where_the_arm_is() {
     let mut desk = Desk::ready_in(BlockedWorld::new(), Mode::SERVO);
-    let point = |angle| Request::ServoJoints(JointConfig([angle; 7]), PACE);
+    let point = |angle| Request::ServoJoints(JointConfig::new([angle; 7]), PACE);
     desk.ask(&point(0.5));
     desk.controller.advance(1.0);
     assert_eq!(desk.joints()[0], 0.2);

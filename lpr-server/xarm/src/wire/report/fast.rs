@@ -42,9 +42,9 @@ impl FastReport {
         let (state, mode) = (State::from_number(state & 0x0f)?, Mode(state >> 4));
         let mut numbers = || {
             reader.bytes::<17>()?;
-            let target = JointConfig(reader.f32s()?);
+            let target = JointConfig::new(reader.f32s::<DOF>()?);
             reader.bytes::<56>()?;
-            let (joints, joint_speeds) = (JointConfig(reader.f32s()?), reader.f32s()?);
+            let (joints, joint_speeds) = (JointConfig::new(reader.f32s::<DOF>()?), reader.f32s()?);
             reader.bytes::<300>()?;
             let (position, axis_angle) = (reader.f32s()?.map(metres), reader.f32s()?);
             Some(Self {
@@ -78,7 +78,7 @@ impl FastReport {
         writer.u64(*micros).u8(*state as u8 | mode.0 << 4).u16(*queued).zeros(17);
         // Speeds and accelerations that should be; then accelerations, currents and torques that
         // are, and space.
-        writer.f32s(&target.0).zeros(56).f32s(&joints.0).f32s(joint_speeds).zeros(252);
+        writer.f32s(&target[..]).zeros(56).f32s(&joints[..]).f32s(joint_speeds).zeros(252);
         // The pose that should be and its speed, then the pose that is.
         for _ in 0..2 {
             writer.f32s(&position.map(millimetres)).f32s(axis_angle).zeros(24);
