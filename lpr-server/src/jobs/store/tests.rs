@@ -1,5 +1,4 @@
 use super::*;
-use crate::jobs::Refused;
 use crate::jobs::event::{Event, Point};
 use crate::jobs::state::Refused;
 use serde_json::json;
