@@ -36,6 +36,7 @@ docs-long:
 
 # With the page's tests, which visit what `make page` has built.
 test: tools
+	cargo build $(ALL) --bin lpr
 	cargo nextest run $(ALL)
 
 # Kills runs 20 times with the demonstrator's poses and 20 times with learned ones; `test` does so 4 times.

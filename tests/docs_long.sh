@@ -12,7 +12,7 @@ list=
 documents=("$@")
 if ((${#documents[@]} == 0)); then
     mapfile -t chapters < <(sed -n 's|.*](\(.*\.md\))$|docs/\1|p' docs/SUMMARY.md)
-    documents=(README.md "${chapters[@]}" lpr-*/README.md)
+    documents=(README.md "${chapters[@]}" lpr-*/README.md lpr-server/xarm/README.md)
 fi
 
 commands_of() { awk '/^```/ { inside = ($0 == "```sh"); next } inside' "$1"; }

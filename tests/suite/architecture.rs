@@ -167,7 +167,7 @@ fn lines_6_to_12_of_algorithm_1_are_one_function() {
         "lpr-wasm/src/demo.rs",
     ];
     assert_eq!(callers("agent.decide("), deciding, "evaluation, training, arm and page decide");
-    let executing = ["evaluate.rs", "evaluate/best_of_all.rs", "evaluate/record.rs", "train.rs"];
+    let executing = ["evaluate/best_of_all.rs", "evaluate/record.rs", "evaluate.rs", "train.rs"];
     assert_eq!(callers("agent.execute("), executing.map(|file| format!("lpr-core/src/{file}")));
     assert_eq!(callers("agent.execute_with("), ["lpr-wasm/src/demo.rs"], "it records frames");
 }

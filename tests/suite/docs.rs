@@ -116,6 +116,11 @@ fn fault(words: &[String], extent: Extent) -> Option<String> {
         ["cargo", "run", .., "--example", example] => {
             missing(format!("lpr-core/examples/{example}.rs"))
         }
+        ["cargo", "build" | "test", "--locked", "-p", package] => {
+            let lock = std::fs::read_to_string(workspace().join("Cargo.lock")).unwrap();
+            let name = format!("name = \"{package}\"\n");
+            (!lock.contains(&name)).then(|| format!("no package {package}"))
+        }
         ["make", target] => (!has_target(target)).then(|| format!("no target {target}")),
         ["curl", options @ ..] => fault_of_request(options),
         ["cat", ">", _, "<<EOF"] | ["kill", "%1"] => None,

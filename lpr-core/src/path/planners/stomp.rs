@@ -251,7 +251,7 @@ impl Smoothing {
     }
 
     fn smooth(&self, changes: &[JointConfig]) -> Vec<JointConfig> {
-        let dof = changes[0].dof();
+        let Some(dof) = changes.first().map(JointConfig::dof) else { return Vec::new() };
         let sum = |row: &[f32], j: usize| {
             row.iter().zip(changes).map(|(weight, change)| weight * change[j]).sum()
         };
