@@ -187,9 +187,7 @@ fn settings_that_cannot_work_are_named_before_anything_is_written() {
         let error = preset_refusal(preset(&[(setting, value)]));
         let (module, name) = setting.split_once('.').unwrap();
         let name = name.rsplit('.').next().unwrap();
-        let says_which = error.contains(name)
-            || error.contains("every layer")
-            || error.contains("paths times draws_per_path");
+        let says_which = error.contains(name) || error.contains("every layer");
         assert!(error.contains(module) && says_which, "{setting} = {value}: {error}");
     }
 }

@@ -63,7 +63,7 @@ fn an_old_demonstration_teaches() {
     let folder = Folder::new();
     copied(&old(), folder.path());
     let (preset, out) = (folder.at("run/config.toml"), folder.at("taught"));
-    let fixed = ["train", "reach_target", "--preset", &preset, "--env-steps", "1", "--demos", "1"];
+    let fixed = ["train", "reach_target", "--preset", &preset, "--env-steps", "1"];
     let demos = folder.path().to_str().unwrap();
     let report =
         lpr::json(&[&fixed[..], &["--minutes", "60", "--demo-dir", demos, "--out", &out]].concat());

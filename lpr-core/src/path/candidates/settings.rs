@@ -79,10 +79,12 @@ impl CandidateSettings {
         setting(self.path_len >= 2, "path_len", "at least 2", self.path_len)?;
         setting(self.screw_paths <= 1, "screw_paths", "0 or 1", self.screw_paths)?;
         setting(self.draws_per_path >= 1, "draws_per_path", "at least 1", self.draws_per_path)?;
-        let n_paths = self.planner_paths.max(self.bezier_paths);
-        let n_draws = n_paths.saturating_mul(self.draws_per_path);
-        let expected = format!("at most {MAX_DRAWS} draws for all paths");
-        setting(n_draws <= MAX_DRAWS, "draws_per_path", &expected, n_draws)?;
+        let expected = format!("at most {MAX_DRAWS} draws, paths times draws_per_path");
+        let paths = [("planner_paths", self.planner_paths), ("bezier_paths", self.bezier_paths)];
+        for (name, n_paths) in paths {
+            let n_draws = n_paths.saturating_mul(self.draws_per_path);
+            setting(n_draws <= MAX_DRAWS, name, &expected, n_draws)?;
+        }
         let fraction = self.planner_collision_free_fraction;
         let name = "planner_collision_free_fraction";
         setting((0.0..=1.0).contains(&fraction), name, "0 to 1", fraction)?;

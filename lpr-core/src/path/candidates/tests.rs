@@ -372,7 +372,7 @@ fn settings_out_of_range_are_named() {
         ),
         (
             CandidateSettings { planner_paths: 20_000, ..settings() },
-            "candidates.draws_per_path: expected at most 65536 draws for all paths, found 100000",
+            "candidates.planner_paths: expected at most 65536 draws, paths times draws_per_path, found 100000",
         ),
     ] {
         let Err(Error::Config(message)) = settings.check() else { panic!("{name} was accepted") };
