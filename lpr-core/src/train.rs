@@ -87,7 +87,7 @@ impl<E: Environment> Trainer<E> {
     ///
     /// # Errors
     ///
-    /// [`Error::Config`] when settings cannot work.
+    /// [`Error::Config`](crate::Error::Config) when settings cannot work.
     pub fn new(config: Config, run: Run, environment: E) -> Result<Self> {
         let robot = environment.robot();
         let init = Init { backend: run.backend, seed: run.seed };
