@@ -47,7 +47,7 @@ impl Document {
         Self { path, text }
     }
 
-    /// Where a line is, for a message.
+    /// Place of a line, for a message.
     fn at(&self, line: usize) -> String {
         format!("{}:{line}", self.path.display())
     }
@@ -73,12 +73,12 @@ fn assert_none(complaints: &[String]) {
     assert!(complaints.is_empty(), "{complaints:#?}");
 }
 
-/// How much of a command stands in a document.
+/// Completeness of a command in a document.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Extent {
     /// All of it, as it is typed.
     Whole,
-    /// What a sentence is about; required arguments may be missing.
+    /// The subject of a sentence; required arguments may be missing.
     Mention,
 }
 

@@ -1,4 +1,4 @@
-//! How the built-in arms are written down.
+//! Notation of the built-in arms.
 
 use super::{
     Capsule, DOF, DhRow, GripperSpec, HAND, Joint, JointConfig, JointMotion, JointOrigin, Link,

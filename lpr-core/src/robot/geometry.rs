@@ -149,7 +149,7 @@ impl GripperSpec {
 }
 
 impl Robot {
-    /// Whether collision spheres of two frames overlap, but for [`Robot::allowed_self_collisions`].
+    /// True if collision spheres of two frames overlap, but for [`Robot::allowed_self_collisions`].
     ///
     /// ```
     /// use lpr_core::robot::{JointConfig, PANDA};

@@ -32,7 +32,7 @@ const RARE_SAMPLES: usize = 512;
 const FINEST_SAMPLES: usize = 4096;
 
 impl Robot {
-    /// Whether the closed form serves the arm: seven joints by modified-DH rows.
+    /// True if the closed form serves the arm: seven joints by modified-DH rows.
     pub(crate) fn has_closed_form(&self) -> bool {
         closed_form::serves(self)
     }
@@ -111,7 +111,8 @@ impl Robot {
     /// Up to `n` solutions, of which any two differ by more than `min_distance` radians (modulo 2π)
     /// in some joint, spread over the redundancy; of each the winding nearest `near`.
     ///
-    /// An arm without a closed form searches as in [`Robot::ik`]. Where few are found, `q7` is sampled ever more finely around those that have solutions.
+    /// An arm without a closed form searches as in [`Robot::ik`]. Where few are found, `q7` is
+    /// sampled ever more finely around those that have solutions.
     ///
     /// ```
     /// use lpr_core::rng::{Stream, stream};
@@ -233,7 +234,7 @@ fn packed(mut all: Vec<JointConfig>, scattered: Distinct) -> Vec<JointConfig> {
     }
 }
 
-/// Whether some joint differs by more than `min_distance` radians modulo 2π; no joint has more than
+/// True if some joint differs by more than `min_distance` radians modulo 2π; no joint has more than
 /// two turns.
 fn differ(a: &JointConfig, b: &JointConfig, min_distance: f32) -> bool {
     const TURN: f32 = core::f32::consts::TAU;
@@ -249,7 +250,7 @@ const fn scattered(i: usize) -> usize {
     i.reverse_bits() >> (usize::BITS - DISTINCT_SAMPLES.ilog2())
 }
 
-/// Whether a finer grid is worth it: one without any solution is given up earlier.
+/// True if a finer grid is worth it: one without any solution is given up earlier.
 fn may_be_refined(has_solutions: &[bool]) -> bool {
     has_solutions.len() < if has_solutions.contains(&true) { FINEST_SAMPLES } else { RARE_SAMPLES }
 }

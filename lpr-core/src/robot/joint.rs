@@ -8,9 +8,9 @@ use glamx::{DPose3, DQuat, DVec3};
 pub struct Joint {
     /// Name of the joint.
     pub name: String,
-    /// Where it is in the body before it.
+    /// Its frame in the body before it.
     pub origin: JointOrigin,
-    /// How it moves.
+    /// Its motion.
     pub motion: JointMotion,
     /// Lower limit, radians or metres.
     pub lower: f32,
@@ -25,7 +25,7 @@ pub struct Joint {
     pub max_acceleration: f32,
 }
 
-/// Where a joint is in the body before it.
+/// Frame of a joint in the body before it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum JointOrigin {
     /// By a modified-DH row: the built-in arms, which the closed form of inverse kinematics serves.
@@ -45,7 +45,7 @@ pub struct DhRow {
     pub d: f64,
 }
 
-/// How a joint moves.
+/// Motion of a joint.
 ///
 /// ```
 /// use lpr_core::glamx::DVec3;

@@ -151,7 +151,7 @@ impl JointConfig {
         })
     }
 
-    /// Whether every joint is a finite number.
+    /// True if every joint is a finite number.
     #[must_use]
     #[inline]
     pub fn is_finite(&self) -> bool {

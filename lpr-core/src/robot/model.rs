@@ -132,7 +132,7 @@ impl Robot {
         middle_of(&self.joints)
     }
 
-    /// Whether the configuration has the arm's joints, each within its limits.
+    /// True if the configuration has the arm's joints, each within its limits.
     ///
     /// ```
     /// use lpr_core::robot::{JointConfig, PANDA};

@@ -1,4 +1,4 @@
-//! What an SRDF adds to a URDF: which links are the arm's ends, and which pairs of links are never
+//! The parts of an SRDF that a URDF lacks: which links are the arm's ends, and which pairs of links are never
 //! tested.
 
 use super::Result;

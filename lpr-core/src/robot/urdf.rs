@@ -141,7 +141,7 @@ fn drives(description: &Description, path: &[usize], tip: usize) -> Result<Vec<(
     }
 }
 
-/// Where a link is.
+/// Place of a link.
 #[derive(Debug, Clone, Copy)]
 struct Place {
     body: usize,

@@ -223,7 +223,7 @@ impl ArmSpheres {
                 .all(|((lower, upper), q)| lower <= q && q <= upper)
     }
 
-    /// Whether the configuration has as many joints as the arm.
+    /// True if the configuration has as many joints as the arm.
     pub(super) fn has_joints_of(&self, config: &JointConfig) -> bool {
         config.dof() == self.joints.len()
     }

@@ -7,7 +7,7 @@ use super::failure::Result;
 use super::output::Format;
 use clap::Subcommand;
 
-/// What to do with an arm.
+/// Action on an arm.
 #[derive(Debug, Subcommand)]
 pub(super) enum Action {
     /// Emulate the controller of an arm on this computer, until interrupted

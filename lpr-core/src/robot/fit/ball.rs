@@ -24,7 +24,7 @@ impl Ball {
         room >= 0.0 && self.center.distance_squared(spot.center) <= room * room
     }
 
-    /// How far the spot is from leaving the ball, metres.
+    /// Distance of the spot from leaving the ball, metres.
     pub(super) fn room_around(&self, spot: &Spot) -> f64 {
         self.radius - spot.radius - self.center.distance(spot.center)
     }

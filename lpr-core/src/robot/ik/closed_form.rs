@@ -38,7 +38,7 @@ struct Revolute {
     upper: f32,
 }
 
-/// Whether the arm has a closed form.
+/// True if the arm has a closed form.
 pub(super) fn serves(robot: &Robot) -> bool {
     revolutes(robot).is_some()
 }
@@ -98,7 +98,7 @@ impl IkBranches {
         self.len
     }
 
-    /// Whether there is none.
+    /// True if there is none.
     #[must_use]
     pub const fn is_empty(&self) -> bool {
         self.len == 0

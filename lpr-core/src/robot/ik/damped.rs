@@ -104,7 +104,7 @@ impl Robot {
         distinct.solutions
     }
 
-    /// Where the error vanishes below `start`, if it does.
+    /// The place where the error vanishes below `start`, if it does.
     fn descend<const N: usize>(&self, target: &DPose3, start: [f64; N]) -> Option<[f64; N]> {
         let mut at = Residual::new(self, target, start);
         let (mut damping, mut earlier) = (FIRST_DAMPING, f64::INFINITY);
@@ -202,7 +202,7 @@ impl Joint {
     }
 }
 
-/// What is left between the grip and the target, of an arm of at most `N` joints.
+/// The difference that is left between the grip and the target, of an arm of at most `N` joints.
 struct Residual<const N: usize> {
     positions: [f64; N],
     frames: [DPose3; N],

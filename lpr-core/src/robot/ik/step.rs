@@ -139,7 +139,7 @@ impl Robot {
     }
 }
 
-/// Where Newton's method came to.
+/// Result of Newton's method.
 struct Newton<const N: usize> {
     angles: [f64; N],
     /// After the first, linear step.

@@ -51,7 +51,7 @@ pub(super) struct Joint {
     pub(super) mobility: Mobility,
 }
 
-/// How a joint can move.
+/// Kind of a joint by its motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Mobility {
     Fixed,

@@ -17,7 +17,7 @@ const NUMBERED_SEMANTICS: &str = r#"<robot name="two">
   <disable_collisions link1="upper" link2="base" reason="Adjacent"/>
 </robot>"#;
 
-/// Where a change takes place, and what is put there.
+/// Place of a change, and the text that is put there.
 #[derive(Debug, Clone)]
 enum Change {
     Cut(Index),

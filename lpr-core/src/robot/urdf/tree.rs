@@ -1,4 +1,4 @@
-//! How links hang together: one root, one parent each, no loop. Nothing recurses, so that depth is
+//! The tree of links: one root, one parent each, no loop. Nothing recurses, so that depth is
 //! no matter.
 
 use super::description::{Description, Mobility};

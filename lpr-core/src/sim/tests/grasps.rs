@@ -142,7 +142,7 @@ fn a_stack_of_six_stands_still_once_it_has_come_to_rest() {
     assert!(drift.length() < 1e-4, "drifted by {drift}");
 }
 
-/// Where the first joint of a task ends when the demonstrator moves it by `demonstrated`.
+/// Final position of the first joint of a task, which the demonstrator moves, metres or radians.
 fn moved(task: &str, robot: &Arc<Robot>) -> f32 {
     let task = Task::by_name(task).unwrap();
     let mut env = SimEnvironment::new(&task, robot, 0, &["front"], &SimParams::STANDARD).unwrap();

@@ -79,7 +79,7 @@ fn start(text: &str) -> Result<JointConfig, String> {
     }
 }
 
-/// Where it listens.
+/// Its addresses.
 #[derive(Debug, Serialize)]
 struct Listening {
     bind: IpAddr,

@@ -74,7 +74,7 @@ fn seconds(text: &str) -> Result<Duration, String> {
         .ok_or_else(|| "expected seconds above 0, at most 10".to_owned())
 }
 
-/// What `lpr xarm run` reports.
+/// Report of `lpr xarm run`.
 #[derive(Debug, Serialize)]
 pub(in super::super) struct Report {
     task: String,
@@ -104,7 +104,7 @@ struct GoalRow {
     gripper: Gripper,
 }
 
-/// How near the path comes to what is allowed; it keeps every rule.
+/// Margins of the path to what is allowed; it keeps every rule.
 #[derive(Debug, Serialize)]
 struct Checks {
     max_joint_speed: f64,
