@@ -51,10 +51,10 @@ fn main() {
     let scenes = (0..).map(|demo| demonstration_scene(seed, demo));
     if task == "toy" {
         let demos: Vec<_> = scenes
-            .filter_map(|scene| Toy::new(&XARM7).demonstration(scene).ok())
+            .filter_map(|scene| Toy::new(&XARM7).unwrap().demonstration(scene).ok())
             .take(n_demos as usize)
             .collect();
-        study(config, run, Toy::new(&XARM7), &demos, n_steps);
+        study(config, run, Toy::new(&XARM7).unwrap(), &demos, n_steps);
     } else {
         let task = Task::by_name(task).unwrap();
         let env =

@@ -5,14 +5,16 @@
 //! and 7), [`Agent::act`] proposes paths to it and ranks them (lines 8–12). Trainer, evaluation,
 //! page and arm all act through these.
 //!
-//! The agent sees an [`Observation`] and nothing else. With the demonstrator's poses instead of
-//! Q-attention ([`PoseSource::Oracle`]) the environment tells the pose, and `act` cannot tell the
-//! difference.
+//! The agent sees an [`Observation`] and nothing else, but without Q-attention
+//! ([`PoseSource::Oracle`]): then it asks the environment for the demonstrator's pose, and `act`
+//! cannot tell the difference.
 //!
 //! # Differences from the paper
 //!
 //! - The policy's path is tested for its length in evaluation as in training; the paper speaks of
 //!   training alone.
+//! - Poses may come from the demonstrator, so that paths are learned alone, and they may be chosen by
+//!   the target weights of Q-attention ([`ActingNetwork`]), as in the released code.
 //! - The policy is asked for a path to the goal configuration nearest to the start, since a pose
 //!   has many.
 
@@ -30,8 +32,8 @@ use crate::path::{
     CandidatePath, CandidateSet, CandidateSettings, JointPath, PathQuery, PathSampler,
     RejectedPath, Rejection, Source, c2farm_path, linear_candidate,
 };
-use crate::perception::{Observation, Proprio, VoxelBounds};
-use crate::q_attention::{ActingNetwork, NextBestPose, QObservation};
+use crate::perception::{Observation, Proprio};
+use crate::q_attention::{ActingNetwork, NextBestPose, QAttention, QObservation};
 use crate::ranker::{RankedPath, RankerContext};
 use crate::rng::{Stream, stream};
 use crate::robot::Robot;
@@ -39,8 +41,7 @@ use crate::scene::{ArmSpheres, Held, MotionChecker, Scene, observed_obstacles};
 use exploration::uniform;
 use std::sync::Arc;
 
-/// Opening of a closed gripper above which it holds something, metres: closed on nothing, the pads
-/// meet.
+/// A closed gripper whose pads are farther apart than this holds something, metres.
 const HELD_WIDTH: f32 = 0.002;
 
 /// The agent of Algorithm 1: networks, and the settings of everything around them.
@@ -118,14 +119,14 @@ impl Agent {
     ///
     /// # Errors
     ///
-    /// When a network answers with something that is not a number.
+    /// When the policy's path or a value of the ranker is not finite.
     pub fn act(&self, goal: Goal, draws: Draws) -> Result<Action> {
         let Goal { pose, observation: Observation { proprio, .. }, .. } = &goal;
         let scene = self.obstacles(&goal.observation, pose);
         let query =
             PathQuery { robot: &self.robot, start: proprio.joints, goal: pose.pose, scene: &scene };
         let set = match self.method {
-            // The baselines have one candidate.
+            // At most one candidate.
             Method::C2fArm => single(
                 Source::Planner,
                 c2farm_path(&query, self.candidate_settings(), draws.streams),
@@ -153,8 +154,8 @@ impl Agent {
 
     /// Line 13: runs the chosen path in `environment`.
     ///
-    /// Without a path the episode ends, and so it does when the demonstrator, if poses are his, has
-    /// no further one.
+    /// The episode ends when there is no path. With the demonstrator's poses it also ends after the
+    /// last of them.
     ///
     /// # Errors
     ///
@@ -194,7 +195,8 @@ impl Agent {
         self.poses() == PoseSource::Oracle && environment.demonstrated_goal().is_none()
     }
 
-    /// Line 7 with Q-attention; the paths start from the scene, whatever the eyes are shown.
+    /// Line 7 with Q-attention. The start and the obstacles of the paths come from `observation`,
+    /// also when `eyes` show other images to Q-attention.
     ///
     /// # Panics
     ///
@@ -203,10 +205,11 @@ impl Agent {
     pub fn attend(&self, observation: Observation, eyes: Eyes<'_>) -> Goal {
         let attention = self.networks.q_attention.as_ref().expect("poses are learned");
         let seen = match eyes {
-            Eyes::Open => self.observed(&observation),
+            Eyes::Open => self.observed(attention, &observation),
             Eyes::Shown(views) => {
                 let views = views.to_vec();
-                self.observed(&Observation { views, proprio: observation.proprio })
+                let shown = Observation { views, proprio: observation.proprio };
+                self.observed(attention, &shown)
             }
         };
         let decision = attention.act(&seen, self.settings.acting_weights);
@@ -217,22 +220,24 @@ impl Agent {
     /// demonstrator's poses.
     #[must_use]
     pub fn attended(&self, observation: &Observation) -> Option<QObservation> {
-        self.networks.q_attention.is_some().then(|| self.observed(observation))
+        let attention = self.networks.q_attention.as_ref()?;
+        Some(self.observed(attention, observation))
     }
 
-    fn observed(&self, observation: &Observation) -> QObservation {
-        let bounds = VoxelBounds::scene(&self.robot);
-        QObservation::new(observation, bounds, self.settings.cloud_spacing)
+    fn observed(&self, attention: &QAttention, observation: &Observation) -> QObservation {
+        let bounds = attention.codec().scene().bounds();
+        QObservation::new(observation, *bounds, self.settings.cloud_spacing)
     }
 
-    /// Obstacles on the way to `goal`, as far as the cameras see.
+    /// Obstacles that the cameras see, without the arm and what it holds. Points near the grip at
+    /// the start or at `goal` do not block the hand.
     #[must_use]
     pub fn obstacles(&self, observation: &Observation, goal: &NextBestPose) -> Scene {
         let holding = if is_holding(&observation.proprio) { Held::Object } else { Held::Nothing };
         observed_obstacles(&self.robot, observation, Some(&goal.pose), holding)
     }
 
-    /// A path that was not drawn here, a demonstrated one, as the ranker sees it.
+    /// A demonstrated path in the form that the ranker reads.
     #[must_use]
     pub fn ranked(&self, path: &JointPath, scene: &Scene) -> RankedPath {
         let settings = self.candidate_settings();
@@ -263,7 +268,15 @@ impl Agent {
             path: candidate.path.clone(),
             collides: candidate.collides,
         });
-        ranker.values(&context(proprio, goal), &paths.collect::<Vec<_>>()).map(Some)
+        let values = ranker.values(&context(proprio, goal), &paths.collect::<Vec<_>>())?;
+        match values.iter().find(|value| !value.is_finite()) {
+            Some(value) => Err(Error::Shape {
+                what: "values of the ranker",
+                expected: "finite numbers".to_owned(),
+                found: value.to_string(),
+            }),
+            None => Ok(Some(values)),
+        }
     }
 
     /// Line 12: index of the candidate to run; none when there is no candidate.
@@ -278,7 +291,7 @@ impl Agent {
                 })
             }
             (_, Some(values)) => draws.exploration.choose(values, rng),
-            // The baselines have one candidate at most.
+            // C2F-ARM and the straight line: at most one candidate.
             (_, None) => (!set.candidates.is_empty()).then_some(0),
         }
     }

@@ -9,6 +9,7 @@ mod training;
 pub use training::{Timeout, TrainSettings};
 
 use crate::agent::AgentSettings;
+use crate::check::one_of;
 use crate::demo::DemoSettings;
 use crate::error::{Error, Result};
 use crate::networks::NetworksSettings;
@@ -94,11 +95,7 @@ impl Config {
     /// [`Error::Config`] naming those that exist.
     pub fn preset(name: &str) -> Result<Self> {
         let Some((_, text)) = PRESETS.iter().find(|(known, _)| *known == name) else {
-            let known: Vec<_> = Self::preset_names().collect();
-            return Err(Error::Config(format!(
-                "unknown preset `{name}`, known: {}",
-                known.join(", ")
-            )));
+            return Err(Error::Config(format!("preset: {}", one_of(Self::preset_names(), name))));
         };
         Self::from_toml(text)
     }

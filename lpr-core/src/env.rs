@@ -49,7 +49,7 @@ pub trait Environment {
     fn step(&mut self, path: &JointPath, gripper: Gripper) -> Result<StepResult>;
 
     /// The demonstrator's next keyframe, for experiments that replace Q-attention
-    /// (`--oracle-poses`); an agent never asks.
+    /// (`--oracle-poses`); an agent with Q-attention never asks.
     fn demonstrated_goal(&self) -> Option<NextBestPose>;
 }
 

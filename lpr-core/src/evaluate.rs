@@ -264,10 +264,13 @@ mod tests {
         };
         config.training.q_attention_batch = 4;
         let run = Run { poses: PoseSource::Learned, ..run(Method::Linear, 3) };
-        let mut trainer = Trainer::new(config, run, Toy::new(&PANDA)).expect("valid settings");
+        let mut trainer =
+            Trainer::new(config, run, Toy::new(&PANDA).unwrap()).expect("valid settings");
         for seed in 0..3 {
-            let demo =
-                Toy::new(&PANDA).demonstration(demonstration_scene(3, seed)).expect("within reach");
+            let demo = Toy::new(&PANDA)
+                .unwrap()
+                .demonstration(demonstration_scene(3, seed))
+                .expect("within reach");
             trainer.add_demonstration(&demo).expect("two keyframes");
         }
         while trainer.demonstration_updates_left() > 0 {
@@ -279,7 +282,7 @@ mod tests {
     /// The pose that the agent comes to at the start of scene `seed`, and how it values every voxel
     /// of every depth.
     fn first_pose(agent: &Agent, shown: Option<Shown>, seed: u64) -> (NextBestPose, Vec<Vec<f32>>) {
-        let mut toy = Toy::new(&PANDA);
+        let mut toy = Toy::new(&PANDA).unwrap();
         let views = shown.map(|shown| shown_views(&toy, shown, seed).expect("within reach"));
         toy.reset(seed).expect("within reach");
         let eyes = views.as_deref().map_or(Eyes::Open, Eyes::Shown);
@@ -306,10 +309,16 @@ mod tests {
     #[test]
     fn an_agent_with_the_demonstrators_poses_does_what_it_did_whatever_is_shown() {
         let trainer = trainer(config(), Method::Lpr, 1);
-        let own = evaluate(trainer.agent(), &mut Toy::new(&PANDA), 1000..1006, |_| ());
+        let own = evaluate(trainer.agent(), &mut Toy::new(&PANDA).unwrap(), 1000..1006, |_| ());
         for shown in [Shown::Blank, Shown::Foreign] {
             assert_eq!(
-                evaluate_shown(trainer.agent(), &mut Toy::new(&PANDA), shown, 1000..1006, |_| ()),
+                evaluate_shown(
+                    trainer.agent(),
+                    &mut Toy::new(&PANDA).unwrap(),
+                    shown,
+                    1000..1006,
+                    |_| ()
+                ),
                 own
             );
         }

@@ -7,9 +7,10 @@
 //!
 //! # Differences from the paper
 //!
-//! - The released code draws one batch for all networks and multiplies the policy's loss by the
-//!   success of the episode. Where few episodes succeed, that leaves the policy next to nothing of
-//!   a batch.
+//! - Each network draws a batch of its own, by priorities where it has some: the ranker and
+//!   Q-attention; the policy draws from successes only. The released code draws one batch for all
+//!   networks and multiplies the policy's loss by the success of the episode. Where few episodes
+//!   succeed, that leaves the policy next to nothing of a batch.
 
 use crate::error::Result;
 use crate::networks::Networks;

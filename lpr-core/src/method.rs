@@ -1,5 +1,6 @@
 //! Words that say how an agent acts: its method, and the source of its poses.
 
+use crate::check::one_of;
 use crate::error::{Error, Result};
 
 use serde::{Deserialize, Serialize};
@@ -60,8 +61,7 @@ impl Method {
     /// [`Error::Config`] naming those that exist.
     pub fn by_name(name: &str) -> Result<Self> {
         Self::ALL.into_iter().find(|method| method.name() == name).ok_or_else(|| {
-            let known = Self::ALL.map(Self::name).join(", ");
-            Error::Config(format!("unknown method `{name}`, known: {known}"))
+            Error::Config(format!("method: {}", one_of(Self::ALL.map(Self::name), name)))
         })
     }
 

@@ -59,7 +59,7 @@ impl Networks {
         let backend = init.backend;
         // One generator a network: a network that is not built moves the draws of no other.
         let rng = |network| stream(init.seed, Stream::Init, network);
-        let bounds = VoxelBounds::scene(robot);
+        let bounds = VoxelBounds::scene(robot)?;
         let q_attention = (poses == PoseSource::Learned)
             .then(|| QAttention::new(q_attention.clone(), bounds, backend, &mut rng(0)));
         let policy = method.has_policy().then(|| Policy::new(policy, robot, backend, &mut rng(1)));

@@ -1,5 +1,5 @@
 //! The path policy `π`: one more candidate path, cloned from the paths of successful episodes
-//! (section IV-C, "Path Learning").
+//! (section IV-B, "Path Learning").
 //!
 //! The network is asked once per configuration. It reads where the path starts and ends and the
 //! fraction `s` of the way, and answers how far the configuration lies from the straight

@@ -1,5 +1,5 @@
 //! The ranker `Q^R`: learned value of a path, by temporal differences on the sparse reward (section
-//! IV-D, "Learned Path Ranking").
+//! IV-C, "Learned Path Ranking").
 //!
 //! One small network reads every configuration of a path, a maximum over the configurations pools
 //! what it found, and a head turns that into the value. The target of a transition is

@@ -46,7 +46,7 @@ const KNOB_POINTS: usize = 4;
 /// use lpr_core::robot::{Gripper, PANDA};
 /// use lpr_core::toy::Toy;
 ///
-/// let mut toy = Toy::new(&PANDA);
+/// let mut toy = Toy::new(&PANDA)?;
 /// toy.reset(3)?;
 /// let rng = &mut stream(3, Stream::Demo, 0);
 /// let mut step = || toy.demonstrated_path(rng).map(|path| toy.step(&path, Gripper::Close));
@@ -68,26 +68,26 @@ pub struct Toy {
     n_steps: usize,
 }
 
-/// Width that the toy opens to with an arm whose gripper is not known, metres.
-const DEFAULT_WIDTH: f32 = 0.08;
-
 impl Toy {
     /// Number of keyframes.
     pub const KEYFRAMES: usize = 2;
 
     /// The world before its first episode.
-    #[must_use]
-    pub fn new(robot: &Arc<Robot>) -> Self {
-        Self {
+    ///
+    /// # Errors
+    ///
+    /// When the arm's gripper or workspace is not known: files describe none.
+    pub fn new(robot: &Arc<Robot>) -> Result<Self> {
+        Ok(Self {
             robot: Arc::clone(robot),
-            max_width: robot.gripper.map_or(DEFAULT_WIDTH, |gripper| gripper.max_width),
-            center: robot.workspace_center.unwrap_or_default(),
+            max_width: robot.gripper()?.max_width,
+            center: robot.workspace_center()?,
             knob: Vec3::ZERO,
             joints: robot.start,
             gripper: Gripper::Open,
             keyframe: 0,
             n_steps: 0,
-        }
+        })
     }
 
     /// The demonstrator's way to the next keyframe; none where the arm cannot follow it.
@@ -205,7 +205,7 @@ impl Environment for Toy {
         let center = self.center;
         let offset = [0; 2].map(|_| rng.random_range(-SPREAD..SPREAD));
         let knob = Vec3::new(center.x + offset[0], center.y + offset[1], HEIGHT);
-        *self = Self { knob, ..Self::new(&self.robot) };
+        *self = Self { knob, ..Self::new(&self.robot)? };
         let is_reached =
             |keyframe| self.robot.ik_nearest(&self.goal(keyframe).pose, &self.joints).is_some();
         if !(0..Self::KEYFRAMES).all(is_reached) {
@@ -265,7 +265,7 @@ mod tests {
     #[test]
     fn bowed_paths_succeed_and_straight_ones_press_on_the_knob() {
         for robot in ROBOTS {
-            let mut toy = Toy::new(robot);
+            let mut toy = Toy::new(robot).unwrap();
             for seed in 0..10 {
                 let mut rng = stream(seed, Stream::Demo, 0);
                 toy.reset(seed).expect("within reach");
@@ -297,7 +297,7 @@ mod tests {
 
     #[test]
     fn an_episode_is_cut_off_and_a_path_from_elsewhere_is_refused() {
-        let mut toy = Toy::new(ROBOTS[0]);
+        let mut toy = Toy::new(ROBOTS[0]).unwrap();
         toy.reset(3).expect("within reach");
         let still = JointPath::new(vec![toy.joints; 2]).expect("two configurations");
         for step in 1..=EPISODE_LENGTH {

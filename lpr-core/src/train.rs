@@ -7,6 +7,11 @@
 //!
 //! # Differences from the paper
 //!
+//! - Before the first environment step come updates on the demonstrations alone
+//!   (`training.demonstration_updates`). Q-attention and the path networks have their own numbers of
+//!   updates per environment step.
+//! - One call is one environment step: the loops over episodes and steps (lines 4 and 5) are the
+//!   caller's.
 //! - A transition enters the replay when its episode ends: only then is it known whether the
 //!   episode succeeded, which the policy's loss asks for. The released code does the same.
 //! - What running out of steps means is a setting: [`Timeout`].

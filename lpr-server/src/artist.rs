@@ -145,7 +145,7 @@ impl<'a> Artist<'a> {
         let robot = world.robot();
         let world_from_flange = Pose3::from(robot.flange(world.config()));
         let camera = match VIEWS.into_iter().find(|(name, _)| *name == self.camera) {
-            Some((name, at)) => beauty(name, at, robot),
+            Some((name, at)) => beauty(name, at, robot)?,
             None => Camera::by_name(self.camera, robot, &world_from_flange)?,
         };
         Ok(camera.with_size(self.size.width.into(), self.size.height.into()))
@@ -164,20 +164,16 @@ pub fn view_of(approach: Vec3) -> &'static str {
 }
 
 /// A view over the whole arm and the workspace from one side: of a larger arm from farther away.
-fn beauty(name: &str, [x, y]: [f32; 2], robot: &Robot) -> Camera {
+fn beauty(name: &str, [x, y]: [f32; 2], robot: &Robot) -> Result<Camera> {
     /// Distance of the workspace's centre from the base for which the numbers below are, metres:
     /// the xArm7's.
     const REACH: f32 = 0.38;
-    let center = robot.workspace_center.unwrap_or_default().extend(0.0);
+    let center = robot.workspace_center()?.extend(0.0);
     // Half of it: a larger arm may fill more of the picture.
     let scale = 0.5 + 0.5 * center.x / REACH;
     let position = center + scale * Vec3::new(x, y, 0.95);
-    Camera::looking_at(
-        name,
-        position,
-        center + scale * Vec3::new(-0.17, 0.0, 0.31),
-        37_f32.to_radians(),
-    )
+    let target = center + scale * Vec3::new(-0.17, 0.0, 0.31);
+    Ok(Camera::looking_at(name, position, target, 37_f32.to_radians()))
 }
 
 #[cfg(test)]

@@ -136,6 +136,6 @@ mod tests {
         );
         let mut unknown = good.clone();
         unknown.scene.task = "make_coffee".to_owned();
-        assert!(unknown.start().unwrap_err().to_string().contains("unknown task 'make_coffee'"));
+        assert!(unknown.start().unwrap_err().to_string().contains("found 'make_coffee'"));
     }
 }

@@ -54,7 +54,8 @@ impl SceneView {
             .into_iter()
             .enumerate()
             .map(|(idx, (_, parts))| Item { name: format!("robot {idx}"), parts });
-        let bounds = VoxelBounds::scene(environment.robot());
+        let bounds =
+            VoxelBounds::scene(environment.robot()).expect("a simulated arm has a workspace");
         Self {
             task: environment.task().name.clone(),
             description: environment.task().describe(environment.variation()),

@@ -164,7 +164,11 @@ fn foreign_and_newer_checkpoints_are_refused_by_what_differs() {
     let weights = fs::read(victim.file("weights.safetensors")).unwrap();
     let cases = [
         ("version = 1", "version = 2", "version 2, this program reads up to 1"),
-        ("robot = \"xarm7\"", "robot = \"ur5\"", "unknown robot 'ur5'"),
+        (
+            "robot = \"xarm7\"",
+            "robot = \"ur5\"",
+            "robot: expected one of xarm7, panda, found 'ur5'",
+        ),
         ("config_widths = [8, 16]", "config_widths = [8, 32]", "shape"),
         ("bezier_paths", "bezeir_paths", "bezeir_paths"),
         ("method = \"lpr\"", "method = \"c2farm\"", "belongs to no network"),

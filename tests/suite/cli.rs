@@ -53,7 +53,10 @@ fn wrong_usage_is_status_2_and_names_the_argument() {
     assert!(refusal(&["fk"], 2).contains("--configs <FILE>"));
     assert!(refusal(&["robots", "--jsno"], 2).contains("'--jsno'"));
     let unknown_robot = refusal(&["fk", "--robot", "ur5", "--configs", "x.json"], 2);
-    assert!(unknown_robot.contains("unknown robot 'ur5', known: xarm7, panda"), "{unknown_robot}");
+    assert!(
+        unknown_robot.contains("robot: expected one of xarm7, panda, found 'ur5'"),
+        "{unknown_robot}"
+    );
     let no_solutions = refusal(&["ik", "--poses", "x.json", "--solutions", "0"], 2);
     assert!(no_solutions.contains("0 is not in 1..=1000"), "{no_solutions}");
 }

@@ -6,10 +6,10 @@
 use crate::lpr::{Folder, json};
 use lpr_core::glamx::{Pose3, Vec3};
 use lpr_core::path::{
-    BezierSettings, CandidateSettings, CandidateStreams, PathQuery, PlannerKind, RrtSettings,
-    Source, candidates,
+    BezierSettings, CandidateSettings, CandidateStreams, GripSpeedLimit, JointPath, MotionLimits,
+    PathQuery, PlannerKind, RrtSettings, SmoothPath, Source, candidates, time_optimal,
 };
-use lpr_core::robot::{JointConfig, JointMotion, Robot};
+use lpr_core::robot::{JointConfig, JointMotion, MAX_JOINTS, Robot};
 use lpr_core::scene::{Primitive, Scene};
 use serde_json::{Value, json as value};
 
@@ -130,6 +130,40 @@ fn candidate_paths_of_arms_with_eight_and_fourteen_joints_lead_to_the_goal() {
             let end = robot.grip(candidate.path.goal()).translation;
             assert!(end.distance(goal.translation) < 1e-3, "{dof} joints: {end}");
         }
+    }
+}
+
+#[test]
+fn motions_of_arms_with_eight_and_fourteen_joints_keep_the_limits_of_joints_and_grip() {
+    for (dof, text) in arms() {
+        let robot = read(&text);
+        let configs = [robot.start, bent(&robot), robot.start.lerp(&bent(&robot), 0.3)];
+        let curve = SmoothPath::<MAX_JOINTS>::through(&JointPath::new(configs.to_vec()).unwrap());
+        let limits = MotionLimits {
+            velocity: [1.0; MAX_JOINTS],
+            acceleration: [5.0; MAX_JOINTS],
+            jerk: Some([100.0; MAX_JOINTS]),
+        };
+        let slow = GripSpeedLimit { robot: &robot, max_speed: 0.2 };
+        let free = time_optimal(&curve, &limits, None).unwrap();
+        let motion = time_optimal(&curve, &limits, Some(&slow)).unwrap();
+        assert!(motion.duration_secs() > free.duration_secs(), "{dof} joints");
+        let at = |t| {
+            let config = motion.at(t).config();
+            robot.grip_f64(&JointConfig::from_fn(dof, |j| config[j])).translation
+        };
+        let (mut fastest, mut swiftest) = (0.0_f64, 0.0_f64);
+        for (t, state) in motion.samples(1e-3).unwrap() {
+            assert!(state.velocities.iter().all(|speed| speed.abs() <= 1.0 + 1e-6));
+            assert!(state.accelerations.iter().all(|change| change.abs() <= 5.0 + 1e-6));
+            assert!(state.angles[dof..].iter().all(|q| *q == 0.0), "joints that are not there");
+            let speed = at(t + 5e-3).distance(at(t - 5e-3)) / 1e-2;
+            fastest = fastest.max(speed);
+            swiftest = state.velocities.iter().fold(swiftest, |most, speed| most.max(speed.abs()));
+        }
+        // Positions are f32: the difference quotient is that good.
+        assert!(fastest <= 0.2 + 1e-3, "{dof} joints: {fastest} m/s");
+        assert!(fastest > 0.19 || swiftest > 0.99, "{dof} joints: no limit is used");
     }
 }
 

@@ -115,8 +115,8 @@ fn wrong_demonstrations_cameras_and_backends_are_refused() {
             status,
         )
     };
-    assert!(train(&["--backend", "torch"], 2).contains("known: flex, ndarray"));
-    assert!(train(&["--cameras", "front,rear"], 2).contains("unknown camera 'rear'"));
+    assert!(train(&["--backend", "torch"], 2).contains("backend: expected one of flex"));
+    assert!(train(&["--cameras", "front,rear"], 2).contains("camera: expected one of front"));
     assert!(train(&["--demo-dir", "a", "--demos", "3"], 2).contains("--demos"));
     std::fs::create_dir(&demos).unwrap();
     assert!(train(&["--demo-dir", utf8(&demos)], 1).contains("holds no demonstration"));

@@ -16,12 +16,12 @@ pub enum Eyes<'a> {
     Shown(&'a [View]),
 }
 
-/// Generators of the draws of a decision.
+/// Random streams of one decision, and its exploration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Draws {
     /// Generators of the candidates.
     pub streams: CandidateStreams,
-    /// Departure of the choice from the highest value.
+    /// How the choice may differ from the highest value.
     pub exploration: Exploration,
 }
 

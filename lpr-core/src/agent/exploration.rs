@@ -1,4 +1,9 @@
-//! Departures of a training step from the path of highest value.
+//! Choices of a training step other than the path of highest value.
+//!
+//! # Differences from the paper
+//!
+//! - Neither the paper nor the released code departs from the argmax: what is new comes from the
+//!   draws of the paths. Here a training step may take another path than the best.
 
 use crate::check::setting;
 use crate::error::Result;

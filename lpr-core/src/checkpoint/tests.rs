@@ -19,7 +19,7 @@ fn message(result: Result<Trainer<Toy>>) -> String {
 fn resume(weights: &[u8], state: &[u8]) -> Result<Trainer<Toy>> {
     Trainer::resume(
         &Checkpoint { weights: weights.to_vec(), state: state.to_vec() },
-        Toy::new(&PANDA),
+        Toy::new(&PANDA).unwrap(),
     )
 }
 
@@ -49,8 +49,8 @@ fn a_resumed_run_goes_on_bit_by_bit_from_any_step() {
         // An even and an odd number of steps: one of them ends in the middle of an episode of two.
         for n_steps in [8, 7, 6] {
             let checkpoint = interrupted.checkpoint().expect("a small seed");
-            interrupted =
-                Trainer::resume(&checkpoint, Toy::new(&PANDA)).expect("an intact checkpoint");
+            interrupted = Trainer::resume(&checkpoint, Toy::new(&PANDA).unwrap())
+                .expect("an intact checkpoint");
             assert_eq!(
                 interrupted.checkpoint().as_ref(),
                 Ok(&checkpoint),
@@ -67,7 +67,8 @@ fn learned_poses_go_on_bit_by_bit_too() {
     let mut straight = attentive(ActingNetwork::Online);
     metrics(&mut straight, 3);
     let checkpoint = straight.checkpoint().expect("a small seed");
-    let mut resumed = Trainer::resume(&checkpoint, Toy::new(&PANDA)).expect("an intact checkpoint");
+    let mut resumed =
+        Trainer::resume(&checkpoint, Toy::new(&PANDA).unwrap()).expect("an intact checkpoint");
     assert_eq!(metrics(&mut straight, 3), metrics(&mut resumed, 3));
     assert_eq!(straight.checkpoint(), resumed.checkpoint());
     assert!(straight.updates().q_attention > 0);
@@ -86,7 +87,7 @@ fn the_weights_alone_make_an_agent_that_attends_alike_whichever_network_acts() {
         };
         assert_eq!(goal(&saved.agent), goal(trainer.agent()));
         let mut resumed =
-            Trainer::resume(&checkpoint, Toy::new(&PANDA)).expect("an intact checkpoint");
+            Trainer::resume(&checkpoint, Toy::new(&PANDA).unwrap()).expect("an intact checkpoint");
         assert_eq!(metrics(&mut trainer, 2), metrics(&mut resumed, 2));
         assert_eq!(trainer.checkpoint(), resumed.checkpoint());
     }
@@ -108,8 +109,8 @@ fn attentive(acting: ActingNetwork) -> Trainer<Toy> {
         harmonics: 4,
     };
     let run = Run { poses: PoseSource::Learned, ..run(Method::Lpr, 4) };
-    let mut trainer = Trainer::new(config, run, Toy::new(&PANDA)).expect("valid settings");
-    let demo = Toy::new(&PANDA).demonstration(0).expect("within reach");
+    let mut trainer = Trainer::new(config, run, Toy::new(&PANDA).unwrap()).expect("valid settings");
+    let demo = Toy::new(&PANDA).unwrap().demonstration(0).expect("within reach");
     trainer.add_demonstration(&demo).expect("two keyframes");
     trainer
 }
@@ -123,7 +124,9 @@ fn the_weights_alone_make_an_agent_that_ranks_alike() {
     assert_eq!(saved.header.config, config());
     assert_eq!(saved.header.run, *trainer.run());
     assert_eq!(read_header(&checkpoint.weights).as_ref(), Ok(&saved.header));
-    let score = |agent| crate::evaluate::evaluate(agent, &mut Toy::new(&PANDA), 1000..1010, |_| ());
+    let score = |agent| {
+        crate::evaluate::evaluate(agent, &mut Toy::new(&PANDA).unwrap(), 1000..1010, |_| ())
+    };
     assert_eq!(score(&saved.agent), score(trainer.agent()));
     let networks = &saved.agent.networks;
     let online = |networks: &crate::agent::Networks| {
@@ -140,7 +143,7 @@ fn what_does_not_belong_together_is_refused() {
     assert!(message(resume(&other.weights, &state)).contains("not of one checkpoint"));
     let elsewhere = Trainer::resume(
         &Checkpoint { weights: weights.clone(), state: state.clone() },
-        Toy::new(&XARM7),
+        Toy::new(&XARM7).unwrap(),
     );
     assert!(message(elsewhere).contains("panda"));
     assert!(message(resume(&weights, b"{\"version\": 1}")).contains("expected `LPRSTATE`"));

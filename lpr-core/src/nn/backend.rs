@@ -1,12 +1,14 @@
 //! The choice of what computes the tensors.
 
+use crate::check::one_of;
 use crate::error::{Error, Result};
 
 use burn::tensor::Device;
 use serde::{Deserialize, Serialize};
 
 /// The library that computes the tensors.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, strum::IntoStaticStr)]
+#[strum(serialize_all = "snake_case")]
 #[serde(rename_all = "snake_case")]
 pub enum Backend {
     /// burn-flex: matrix products in pure Rust, natively and in wasm.
@@ -17,23 +19,32 @@ pub enum Backend {
 }
 
 impl Backend {
+    /// All that this build has; the first is the default.
+    pub const ALL: &[Self] = &[
+        Self::Flex,
+        #[cfg(feature = "ndarray")]
+        Self::Ndarray,
+    ];
+
+    /// Name on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        self.into()
+    }
+
     /// The backend of that name.
     ///
     /// # Errors
     ///
     /// [`Error::Config`] when there is none of that name, or this build leaves it out.
     pub fn by_name(name: &str) -> Result<Self> {
-        match name {
-            "flex" => Ok(Self::Flex),
-            #[cfg(feature = "ndarray")]
-            "ndarray" => Ok(Self::Ndarray),
-            #[cfg(not(feature = "ndarray"))]
-            "ndarray" => Err(Error::Config(
-                "backend `ndarray`: this program was built without the feature `ndarray`"
-                    .to_owned(),
-            )),
-            _ => Err(Error::Config(format!("unknown backend `{name}`, known: flex, ndarray"))),
-        }
+        let backend = Self::ALL.iter().find(|backend| backend.name() == name);
+        backend.copied().ok_or_else(|| {
+            let is_left_out = name == "ndarray";
+            let why = if is_left_out { " (built without the feature ndarray)" } else { "" };
+            let known = Self::ALL.iter().map(|backend| backend.name());
+            Error::Config(format!("backend: {}{why}", one_of(known, name)))
+        })
     }
 
     /// The plain device of the backend: the only place that names one.

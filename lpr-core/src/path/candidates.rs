@@ -11,6 +11,8 @@
 //!   `RRTConnect` finds when nothing is in the way.
 //! - When the goal pose has fewer than `M` distinct configurations, the checked planner paths share
 //!   them with other samples of `RRTConnect`; a path that comes out twice is kept once.
+//! - The policy's path is moved onto the exact start and goal, and must keep the joint limits.
+//! - The planner is a setting; every preset has `RRTConnect`.
 //! - A screw motion of the grip can be asked for besides; no preset does.
 
 mod baseline;

@@ -4,12 +4,13 @@
 //! coordinates are continuous: the pixel in column `c` and row `r` covers `[c, c+1) × [r, r+1)`,
 //! its centre is at `(c + 0.5, r + 0.5)`.
 
+use crate::check::one_of;
 use crate::error::{Error, Result};
 use crate::robot::Robot;
 use glamx::{Mat3, Pose3, Quat, Vec2, Vec3};
 use serde::{Deserialize, Serialize};
 
-/// Width and height of the images that the agent sees, pixels (section V of the paper).
+/// Width and height of the images that the agent sees, pixels (as in the released code).
 pub const IMAGE_SIZE: usize = 128;
 
 /// Names that [`Camera::by_name`] knows.
@@ -146,33 +147,37 @@ impl Camera {
     /// let wrist = Camera::by_name("wrist", &XARM7, &world_from_flange)?;
     /// let (_, depth) = wrist.project(XARM7.grip(&XARM7.start).translation).unwrap();
     /// assert!(depth < 0.2, "metres from the camera to the fingertips");
-    /// assert!(Camera::by_name("side", &XARM7, &world_from_flange).unwrap_err().to_string().contains("known: front, wrist"));
+    /// assert!(Camera::by_name("side", &XARM7, &world_from_flange).unwrap_err().to_string().contains("expected one of front, wrist"));
     /// # Ok::<(), lpr_core::Error>(())
     /// ```
     ///
     /// # Errors
     ///
-    /// When there is none, naming those that exist.
+    /// When there is none, naming those that exist, and when the arm's workspace is not known.
     pub fn by_name(name: &str, robot: &Robot, world_from_flange: &Pose3) -> Result<Self> {
         match name {
-            "front" => Ok(Self::front(robot)),
+            "front" => Self::front(robot),
             "wrist" => Ok(Self::wrist(robot, world_from_flange)),
-            "left_shoulder" => Ok(Self::shoulder(name, robot, SHOULDER_SIDE)),
-            "right_shoulder" => Ok(Self::shoulder(name, robot, -SHOULDER_SIDE)),
-            "overhead" => Ok(Self::overhead(robot)),
+            "left_shoulder" => Self::shoulder(name, robot, SHOULDER_SIDE),
+            "right_shoulder" => Self::shoulder(name, robot, -SHOULDER_SIDE),
+            "overhead" => Self::overhead(robot),
             _ => Err(unknown_camera(name)),
         }
     }
 
     /// `RLBench`'s front camera, the only one the paper uses: it faces the robot from 1.1 m beyond
     /// the workspace's centre.
-    #[must_use]
-    pub fn front(robot: &Robot) -> Self {
+    ///
+    /// # Errors
+    ///
+    /// When the arm's workspace is not known: files describe none.
+    pub fn front(robot: &Robot) -> Result<Self> {
         // Position (1.62, 0, 0.83) for the workspace centre (0.52, 0); 25° down; vertical field of
         // view 40°.
-        let position = workspace_point(robot, Vec3::new(1.10, 0.0, 0.83));
+        let position = workspace_point(robot, Vec3::new(1.10, 0.0, 0.83))?;
         let (sin, cos) = libm::sincosf(25_f32.to_radians());
-        Self::looking("front", position, Vec3::new(-cos, 0.0, -sin), 40_f32.to_radians())
+        let direction = Vec3::new(-cos, 0.0, -sin);
+        Ok(Self::looking("front", position, direction, 40_f32.to_radians()))
     }
 
     /// A camera on the hand beside the fingers, looking at the tips; 60° as in `RLBench`, its mount
@@ -191,20 +196,16 @@ impl Camera {
     }
 
     /// A camera behind and beside the robot that looks over its shoulder at the workspace.
-    fn shoulder(name: &str, robot: &Robot, side: f32) -> Self {
-        let position = workspace_point(robot, Vec3::new(-0.55, side, 0.85));
-        Self::looking_at(
-            name,
-            position,
-            workspace_point(robot, Vec3::new(0.05, 0.0, 0.10)),
-            50_f32.to_radians(),
-        )
+    fn shoulder(name: &str, robot: &Robot, side: f32) -> Result<Self> {
+        let position = workspace_point(robot, Vec3::new(-0.55, side, 0.85))?;
+        let target = workspace_point(robot, Vec3::new(0.05, 0.0, 0.10))?;
+        Ok(Self::looking_at(name, position, target, 50_f32.to_radians()))
     }
 
     /// A camera above the workspace that looks straight down.
-    fn overhead(robot: &Robot) -> Self {
-        let position = workspace_point(robot, Vec3::new(0.0, 0.0, 1.45));
-        Self::looking("overhead", position, Vec3::NEG_Z, 45_f32.to_radians())
+    fn overhead(robot: &Robot) -> Result<Self> {
+        let position = workspace_point(robot, Vec3::new(0.0, 0.0, 1.45))?;
+        Ok(Self::looking("overhead", position, Vec3::NEG_Z, 45_f32.to_radians()))
     }
 
     /// Image coordinates and depth along the optical axis (metres) of a point in the world.
@@ -270,9 +271,9 @@ impl Camera {
 /// Distance of the shoulder cameras from the plane y = 0, metres.
 const SHOULDER_SIDE: f32 = 0.75;
 
-/// `offset` from the workspace's centre on the table, or from the base of an arm without one.
-fn workspace_point(robot: &Robot, offset: Vec3) -> Vec3 {
-    robot.workspace_center.unwrap_or_default().extend(0.0) + offset
+/// `offset` from the workspace's centre on the table.
+fn workspace_point(robot: &Robot, offset: Vec3) -> Result<Vec3> {
+    Ok(robot.workspace_center()?.extend(0.0) + offset)
 }
 
 /// The rotation whose z is `direction` and whose -y is as close to `up` as it can be (to x where
@@ -287,7 +288,7 @@ fn facing(direction: Vec3, up: Vec3) -> Quat {
 }
 
 fn unknown_camera(name: &str) -> Error {
-    Error::Config(format!("unknown camera '{name}', known: {}", CAMERA_NAMES.join(", ")))
+    Error::Config(format!("camera: {}", one_of(CAMERA_NAMES, name)))
 }
 
 #[cfg(test)]
@@ -298,7 +299,7 @@ mod tests {
 
     #[test]
     fn front_camera_is_rlbenchs() {
-        let camera = Camera::front(&PANDA);
+        let camera = Camera::front(&PANDA).unwrap();
         assert!(
             (camera.fx - 175.8386).abs() < 1e-3 && camera.fx == camera.fy,
             "|f| printed by RLBench users: 175.8386"
@@ -325,7 +326,7 @@ mod tests {
                 let seen = if name == "wrist" {
                     grip.translation
                 } else {
-                    workspace_point(robot, Vec3::new(0.0, 0.0, 0.1))
+                    workspace_point(robot, Vec3::new(0.0, 0.0, 0.1)).unwrap()
                 };
                 let (image, _) = camera.project(seen).expect("in front of the camera");
                 let size = IMAGE_SIZE as f32;
@@ -355,7 +356,7 @@ mod tests {
 
     #[test]
     fn resizing_keeps_the_vertical_field_of_view() {
-        let camera = Camera::front(&PANDA);
+        let camera = Camera::front(&PANDA).unwrap();
         let wide = camera.clone().with_size(640, 360);
         let top_ray = |c: &Camera| c.cy / c.fy;
         assert!((top_ray(&camera) - top_ray(&wide)).abs() < 1e-6);
@@ -365,7 +366,7 @@ mod tests {
     proptest! {
         #[test]
         fn project_inverts_unproject(u in -50.0f32..200.0, v in -50.0f32..200.0, depth in 0.05f32..5.0) {
-            let camera = Camera::front(&PANDA);
+            let camera = Camera::front(&PANDA).unwrap();
             let (image, back) = camera.project(camera.unproject(Vec2::new(u, v), depth)).expect("in front of the camera");
             prop_assert!((image - Vec2::new(u, v)).length() < 2e-2 / depth.min(1.0), "{image}");
             prop_assert!((back - depth).abs() < 1e-5 * depth.max(1.0));

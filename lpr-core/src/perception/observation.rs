@@ -224,7 +224,7 @@ mod tests {
 
     #[test]
     fn empty_pixels_give_no_points() {
-        let mut view = View::empty(Camera::front(&PANDA));
+        let mut view = View::empty(Camera::front(&PANDA).unwrap());
         view.points[77] = Vec3::new(0.1, 0.2, 0.3);
         view.rgb[77] = [9, 8, 7];
         let observation = Observation { views: vec![view.clone(), view], proprio: proprio() };

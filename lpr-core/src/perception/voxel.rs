@@ -34,14 +34,14 @@ pub struct VoxelBounds {
 }
 
 impl VoxelBounds {
-    /// The box of the first depth for `robot`: one metre a side around its workspace,
-    /// or around its base if that is not known.
-    #[must_use]
-    pub fn scene(robot: &Robot) -> Self {
-        Self {
-            min: robot.workspace_center.unwrap_or_default().extend(0.0) + SCENE_CORNER,
-            size: Vec3::splat(SCENE_SIDE),
-        }
+    /// The box of the first depth for `robot`: one metre a side around its workspace.
+    ///
+    /// # Errors
+    ///
+    /// When the arm's workspace is not known: files describe none.
+    pub fn scene(robot: &Robot) -> Result<Self> {
+        let min = robot.workspace_center()?.extend(0.0) + SCENE_CORNER;
+        Ok(Self { min, size: Vec3::splat(SCENE_SIDE) })
     }
 
     /// The cube of all points within `half_width` (metres) of `center` along every axis: the box of
@@ -353,7 +353,7 @@ pub(super) mod tests {
 
     #[test]
     fn scene_bounds_are_rlbenchs_in_our_world() {
-        let bounds = VoxelBounds::scene(&PANDA);
+        let bounds = VoxelBounds::scene(&PANDA).unwrap();
         assert!((bounds.min - Vec3::new(-0.03, -0.5, -0.15)).length() < 1e-6);
         assert!((bounds.max() - Vec3::new(0.97, 0.5, 0.85)).length() < 1e-6);
     }

@@ -256,7 +256,8 @@ mod tests {
             translation_regularisation,
             ..test_settings()
         };
-        ActionCodec::new(&settings, VoxelBounds::scene(&PANDA)).expect("settings that fit together")
+        ActionCodec::new(&settings, VoxelBounds::scene(&PANDA).unwrap())
+            .expect("settings that fit together")
     }
 
     fn rotations() -> impl Strategy<Value = Quat> {

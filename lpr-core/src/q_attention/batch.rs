@@ -141,7 +141,7 @@ mod tests {
 
     /// A scene with one point, and a pose at that point.
     fn point_and_pose(point: [f32; 3], rotation: Quat) -> (QObservation, NextBestPose) {
-        let bounds = VoxelBounds::scene(&PANDA);
+        let bounds = VoxelBounds::scene(&PANDA).unwrap();
         let point = bounds.min + bounds.size * Vec3::from_array(point);
         let observation =
             QObservation::from_points([(point, [255, 0, 0])], test_proprio(), bounds, 0.01);
@@ -170,7 +170,7 @@ mod tests {
             let shift_range = Vec3::new(0.125, 0.125, 0.05);
             let translation_regularisation = vec![1.0; zoom_half_widths.len() + 1];
             let settings = QAttentionSettings { zoom_half_widths, translation_regularisation, yaw_range, shift_range, crop_jitter, ..test_settings() };
-            let codec = ActionCodec::new(&settings, VoxelBounds::scene(&PANDA)).expect("settings that fit together");
+            let codec = ActionCodec::new(&settings, VoxelBounds::scene(&PANDA).unwrap()).expect("settings that fit together");
             let rotation = Quat::from_rotation_z(euler[2]) * Quat::from_rotation_y(euler[1]) * Quat::from_rotation_x(euler[0]);
             let (observation, action) = point_and_pose(point, rotation);
             let augmented = Augmented::draw(sample(&observation, action), &codec, &settings, &mut stream(seed, Stream::Augment, 0))
@@ -199,7 +199,7 @@ mod tests {
     #[test]
     fn actions_outside_are_refused() {
         let settings = test_settings();
-        let codec = ActionCodec::new(&settings, VoxelBounds::scene(&PANDA))
+        let codec = ActionCodec::new(&settings, VoxelBounds::scene(&PANDA).unwrap())
             .expect("settings that fit together");
         let (observation, mut action) = point_and_pose([0.5; 3], Quat::IDENTITY);
         action.pose.translation.z = 2.0;
@@ -218,7 +218,7 @@ mod tests {
     #[test]
     fn what_the_arm_feels_moves_with_what_it_sees() {
         let settings = test_settings();
-        let codec = ActionCodec::new(&settings, VoxelBounds::scene(&PANDA))
+        let codec = ActionCodec::new(&settings, VoxelBounds::scene(&PANDA).unwrap())
             .expect("settings that fit together");
         let (observation, action) = point_and_pose([0.4, 0.6, 0.3], Quat::from_rotation_x(PI));
         let augmented = Augmented::draw(

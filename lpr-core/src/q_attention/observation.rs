@@ -109,7 +109,7 @@ mod tests {
             cloud in prop::collection::vec(([-0.2_f32..1.2, -0.6..0.6, -0.2..0.9], any::<[u8; 3]>()), 0..400),
         ) {
             let cloud: Vec<_> = cloud.into_iter().map(|(point, rgb)| (Vec3::from_array(point), rgb)).collect();
-            let bounds = VoxelBounds::scene(&PANDA);
+            let bounds = VoxelBounds::scene(&PANDA).unwrap();
             let stored = QObservation::from_points(cloud.iter().copied(), test_proprio(), bounds, 0.1);
             let mut inside = cloud.iter().filter(|(point, _)| bounds.contains(*point));
             prop_assert!(stored.points.len() <= 1000);

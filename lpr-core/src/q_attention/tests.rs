@@ -33,7 +33,7 @@ fn scene(index: u64) -> (QObservation, NextBestPose) {
     let observation = QObservation::from_points(
         table.chain(stick),
         test_proprio(),
-        VoxelBounds::scene(&PANDA),
+        VoxelBounds::scene(&PANDA).expect("a built-in arm has one"),
         0.005,
     );
     let pose = Pose3::from_parts(place + Vec3::Z * 0.05, turn * Quat::from_rotation_x(PI));
@@ -47,8 +47,13 @@ fn grid_point(i: usize, n: usize, half: f32) -> Vec3 {
 
 fn agent(settings: QAttentionSettings) -> QAttention {
     let rng = &mut stream(2, Stream::Init, 0);
-    QAttention::new(settings, VoxelBounds::scene(&PANDA), Backend::Flex, rng)
-        .expect("settings that fit together")
+    QAttention::new(
+        settings,
+        VoxelBounds::scene(&PANDA).expect("a built-in arm has one"),
+        Backend::Flex,
+        rng,
+    )
+    .expect("settings that fit together")
 }
 
 fn terminal(scene: &(QObservation, NextBestPose)) -> QSample<'_> {
@@ -120,7 +125,7 @@ fn a_restored_agent_goes_on_bit_by_bit() {
     let batch = scenes.iter().map(terminal).collect::<Vec<_>>();
     straight.update(&batch, &mut stream(1, Stream::Augment, 0));
     let rng = &mut stream(77, Stream::Init, 0);
-    let bounds = VoxelBounds::scene(&PANDA);
+    let bounds = VoxelBounds::scene(&PANDA).expect("a built-in arm has one");
     let mut resumed =
         QAttention::new(test_settings(), bounds, Backend::Flex, rng).expect("the same settings");
     assert_ne!(resumed.state(), straight.state());

@@ -106,10 +106,31 @@ impl DhRow {
     /// `parent_from_body` at angle `q`, radians.
     #[must_use]
     pub fn transform(&self, q: f64) -> DPose3 {
-        let [(sin_x, cos_x), (sin_alpha, cos_alpha)] = sincos_of_twist(self.alpha);
+        self.twisted().transform(q)
+    }
+
+    /// The row with all that does not depend on the angle.
+    pub(super) fn twisted(&self) -> TwistedRow {
+        let [half_twist, (sin, cos)] = sincos_of_twist(self.alpha);
+        TwistedRow { translation: DVec3::new(self.a, -sin * self.d, cos * self.d), half_twist }
+    }
+}
+
+/// A modified-DH row as its transform needs it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct TwistedRow {
+    translation: DVec3,
+    /// Sine and cosine of half the twist.
+    half_twist: (f64, f64),
+}
+
+impl TwistedRow {
+    /// `parent_from_body` at angle `q`, radians.
+    pub(super) fn transform(&self, q: f64) -> DPose3 {
+        let (sin_x, cos_x) = self.half_twist;
         let (sin_z, cos_z) = libm::sincos(0.5 * q);
         DPose3::from_parts(
-            DVec3::new(self.a, -sin_alpha * self.d, cos_alpha * self.d),
+            self.translation,
             DQuat::from_xyzw(sin_x * cos_z, -sin_x * sin_z, cos_x * sin_z, cos_x * cos_z),
         )
     }

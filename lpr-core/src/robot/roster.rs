@@ -1,6 +1,7 @@
 //! The built-in arms by name.
 
 use super::{Error, PANDA, Result, Robot, XARM7};
+use crate::check::one_of;
 use std::sync::{Arc, LazyLock};
 
 /// The built-in robots; the first is the default.
@@ -20,7 +21,7 @@ impl Robot {
     /// use lpr_core::robot::Robot;
     ///
     /// assert_eq!(Robot::by_name("panda")?.gripper()?.max_width, 0.08);
-    /// assert_eq!(Robot::by_name("ur5").unwrap_err().to_string(), "robot: unknown robot 'ur5', known: xarm7, panda");
+    /// assert_eq!(Robot::by_name("ur5").unwrap_err().to_string(), "robot: expected one of xarm7, panda, found 'ur5'");
     /// # Ok::<(), lpr_core::Error>(())
     /// ```
     ///
@@ -30,8 +31,7 @@ impl Robot {
     pub fn by_name(name: &str) -> Result<Arc<Self>> {
         let robot = ROBOTS.iter().find(|robot| robot.name == name);
         robot.map(|robot| Arc::clone(robot)).ok_or_else(|| {
-            let known: Vec<_> = ROBOTS.iter().map(|robot| robot.name.as_str()).collect();
-            Error::Robot(format!("unknown robot '{name}', known: {}", known.join(", ")))
+            Error::Robot(one_of(ROBOTS.iter().map(|robot| robot.name.as_str()), name))
         })
     }
 }

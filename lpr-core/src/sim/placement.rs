@@ -61,13 +61,14 @@ impl Rejected {
 ///
 /// # Errors
 ///
-/// When there is no such variation, or 200 draws give no placement that the arm can do.
+/// When there is no such variation, the arm has no workspace, or 200 draws give no placement that the arm can do.
 pub fn place(task: &Task, variation: usize, robot: &Arc<Robot>, seed: u64) -> Result<PlacedTask> {
     task.check_variation(variation)?;
+    let workspace_center = robot.workspace_center()?;
     let mut rejected = Rejected::default();
     for draw in 0..MAX_DRAWS {
         let mut rng = rng::stream(seed, Stream::Placement, draw);
-        let (frame, scene) = draw_placement(task, variation, robot, &mut rng);
+        let (frame, scene) = draw_placement(task, variation, robot, workspace_center, &mut rng);
         let Some(scene) = scene else {
             rejected.at_the_arm += 1;
             continue;
@@ -91,12 +92,12 @@ fn draw_placement(
     task: &Task,
     variation: usize,
     robot: &Robot,
+    workspace_center: Vec2,
     rng: &mut Rng,
 ) -> (Pose3, Option<TaskScene>) {
     let Placement { center, half_range, max_yaw } = task.placement;
     let mut symmetric = || 2.0 * rng.random::<f32>() - 1.0;
     let yaw = max_yaw * symmetric();
-    let workspace_center = robot.workspace_center.unwrap_or_default();
     let origin = workspace_center + center + half_range * Vec2::new(symmetric(), symmetric());
     let world_from_task = Pose3::from_parts(origin.extend(0.0), Quat::from_rotation_z(yaw));
     let mut scene = task.scene(variation, rng).placed(&world_from_task);

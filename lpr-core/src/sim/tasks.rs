@@ -29,6 +29,7 @@ mod toilet_seat_down;
 mod toilet_seat_up;
 
 use super::scene::SceneSpec;
+use crate::check::one_of;
 use crate::error::{Error, Result};
 use crate::q_attention::NextBestPose;
 use crate::rng::Rng;
@@ -170,8 +171,8 @@ impl Task {
     /// When there is none, naming those that exist.
     pub fn by_name(name: &str) -> Result<Arc<Self>> {
         TASKS.iter().find(|task| task.name == name).cloned().ok_or_else(|| {
-            let known: Vec<_> = TASKS.iter().map(|task| task.name.as_str()).collect();
-            Error::Environment(format!("unknown task '{name}', known: {}", known.join(", ")))
+            let known = TASKS.iter().map(|task| task.name.as_str());
+            Error::Environment(format!("task: {}", one_of(known, name)))
         })
     }
 

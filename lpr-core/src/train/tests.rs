@@ -43,10 +43,12 @@ pub(crate) fn run(method: Method, seed: u64) -> Run {
 /// A trainer on the toy with a few demonstrations.
 pub(crate) fn trainer(config: Config, method: Method, seed: u64) -> Trainer<Toy> {
     let mut trainer =
-        Trainer::new(config, run(method, seed), Toy::new(&PANDA)).expect("valid settings");
+        Trainer::new(config, run(method, seed), Toy::new(&PANDA).unwrap()).expect("valid settings");
     for demo in 0..3 {
-        let demo =
-            Toy::new(&PANDA).demonstration(demonstration_scene(seed, demo)).expect("within reach");
+        let demo = Toy::new(&PANDA)
+            .unwrap()
+            .demonstration(demonstration_scene(seed, demo))
+            .expect("within reach");
         trainer.add_demonstration(&demo).expect("several keyframes");
     }
     trainer
@@ -60,7 +62,8 @@ fn train(trainer: &mut Trainer<Toy>, n_steps: u64) -> Vec<StepLog> {
 }
 
 fn score(trainer: &Trainer<Toy>) -> Evaluation {
-    evaluate(trainer.agent(), &mut Toy::new(&PANDA), 1000..1060, |_| ()).expect("toy scenes")
+    evaluate(trainer.agent(), &mut Toy::new(&PANDA).unwrap(), 1000..1060, |_| ())
+        .expect("toy scenes")
 }
 
 #[test]
@@ -81,12 +84,12 @@ fn straight_lines_never_do_it_and_the_best_of_all_candidates_mostly_does() {
     assert_eq!(straight.successes, 0);
     assert_eq!(straight.failures, [("force", 60)].into());
     let random = trainer(config(), Method::Random, 0);
-    let best =
-        best_of_all(random.agent(), &mut Toy::new(&PANDA), 1000..1020, |_| ()).expect("toy scenes");
-    let regret =
-        measure_regret(random.agent(), &mut Toy::new(&PANDA), 1000..1020).expect("toy scenes");
-    let chosen =
-        evaluate(random.agent(), &mut Toy::new(&PANDA), 1000..1020, |_| ()).expect("toy scenes");
+    let best = best_of_all(random.agent(), &mut Toy::new(&PANDA).unwrap(), 1000..1020, |_| ())
+        .expect("toy scenes");
+    let regret = measure_regret(random.agent(), &mut Toy::new(&PANDA).unwrap(), 1000..1020)
+        .expect("toy scenes");
+    let chosen = evaluate(random.agent(), &mut Toy::new(&PANDA).unwrap(), 1000..1020, |_| ())
+        .expect("toy scenes");
     assert!(best.success_rate() >= 0.85, "{best:?}");
     // Each scene has one decisive step, in which the agent either succeeds or does not.
     assert!(regret.decisive_steps >= best.successes);
@@ -144,7 +147,7 @@ struct Stuck {
 
 impl Stuck {
     fn trainer(config: Config, goal: Vec3) -> Trainer<Self> {
-        let mut toy = Toy::new(&PANDA);
+        let mut toy = Toy::new(&PANDA).unwrap();
         toy.reset(0).expect("within reach");
         let goal = NextBestPose {
             gripper: Gripper::Open,
@@ -277,7 +280,7 @@ impl Environment for Failing {
 
 #[test]
 fn an_episode_whose_camera_is_gone_is_dropped_and_the_run_goes_on_with_the_next() {
-    let failing = |looks_left| Failing { toy: Toy::new(&PANDA), looks_left };
+    let failing = |looks_left| Failing { toy: Toy::new(&PANDA).unwrap(), looks_left };
     let mut trainer =
         Trainer::new(config(), run(Method::Lpr, 1), failing(1)).expect("valid settings");
     assert!(trainer.step().expect("the first look").episode.is_none(), "an episode has two steps");

@@ -160,7 +160,7 @@ fn demonstrate_seed(arguments: &Arguments, seed: u64) -> Result<Demonstration, &
 
 /// The same scene with a demonstrator that goes where an agent could.
 fn quantise(env: &SimEnvironment, seed: u64) -> Result<SimEnvironment, &'static str> {
-    let bounds = VoxelBounds::scene(env.world().robot());
+    let bounds = VoxelBounds::scene(env.world().robot()).expect("a simulated arm has a workspace");
     let codec = ActionCodec::new(&default_preset().q_attention, bounds)
         .expect("the preset's numbers fit together");
     let goals: Option<Vec<NextBestPose>> =

@@ -116,7 +116,7 @@ fn parse_camera(name: &str) -> Result<String, String> {
     if name == BEAUTY || CAMERA_NAMES.contains(&name) {
         return Ok(name.to_owned());
     }
-    Err(format!("unknown camera '{name}', known: {}, {BEAUTY}", CAMERA_NAMES.join(", ")))
+    Err(format!("camera: expected one of {}, {BEAUTY}, found '{name}'", CAMERA_NAMES.join(", ")))
 }
 
 fn parse_size(text: &str) -> Result<Size, String> {

@@ -25,7 +25,7 @@ const MIN_TICKS: f64 = 2.0;
 
 /// Numbers of the schedule.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pace {
+pub struct StreamPace {
     /// Greatest speed along the path in joint space, rad/s.
     pub max_velocity: f64,
     /// Greatest acceleration along the path in joint space, rad/s².
@@ -40,8 +40,8 @@ pub struct Pace {
 ///
 /// When a number of `pace` is not positive.
 #[must_use]
-pub fn schedule(path: &JointPath, robot: &Robot, pace: &Pace) -> Vec<JointConfig> {
-    let Pace { max_velocity, max_acceleration, tick_secs } = *pace;
+pub fn schedule(path: &JointPath, robot: &Robot, pace: &StreamPace) -> Vec<JointConfig> {
+    let StreamPace { max_velocity, max_acceleration, tick_secs } = *pace;
     assert!(
         [max_velocity, max_acceleration, tick_secs].iter().all(|number| *number > 0.0),
         "{pace:?} is not positive"
@@ -87,7 +87,7 @@ impl Segment {
     }
 }
 
-fn segments(path: &JointPath, robot: &Robot, pace: &Pace) -> Vec<Segment> {
+fn segments(path: &JointPath, robot: &Robot, pace: &StreamPace) -> Vec<Segment> {
     let mut segments: Vec<Segment> = Vec::new();
     let mut from = *path.start();
     let configs = path.configs();
@@ -204,7 +204,8 @@ mod tests {
     use lpr_core::robot::XARM7;
     use proptest::prelude::*;
 
-    const PACE: Pace = Pace { max_velocity: 0.5, max_acceleration: 2.0, tick_secs: 0.01 };
+    const PACE: StreamPace =
+        StreamPace { max_velocity: 0.5, max_acceleration: 2.0, tick_secs: 0.01 };
 
     fn path(configs: Vec<[f32; DOF]>) -> JointPath {
         JointPath::new(configs.into_iter().map(JointConfig::new).collect()).unwrap()

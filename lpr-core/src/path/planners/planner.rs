@@ -11,6 +11,7 @@ use super::sbl::{SblSettings, sbl};
 use super::stomp::{StompSettings, stomp};
 #[cfg(feature = "planners")]
 use super::trajopt::{TrajoptSettings, trajopt};
+use crate::check::one_of;
 use crate::error::{Error, Result};
 use crate::path::rejection::Rejection;
 use crate::rng::Rng;
@@ -107,9 +108,8 @@ impl PlannerKind {
 
 /// The refusal of a planner that is not among those of the build.
 fn refusal(name: &str, built: &[PlannerKind]) -> String {
-    let known: Vec<_> = built.iter().map(|kind| kind.name()).collect();
     let why = if FURTHER.contains(&name) { " (built without the feature planners)" } else { "" };
-    format!("planner: expected one of {}, found '{name}'{why}", known.join(", "))
+    format!("planner: {}{why}", one_of(built.iter().map(|kind| kind.name()), name))
 }
 
 impl TryFrom<String> for PlannerKind {

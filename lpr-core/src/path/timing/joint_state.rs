@@ -2,7 +2,8 @@
 
 use crate::robot::{DOF, JointConfig};
 
-/// Position, velocity and acceleration of the joints at one moment.
+/// Position, velocity and acceleration of `N` joints at one moment; an arm with fewer leaves the
+/// last of them at 0.
 ///
 /// ```
 /// use lpr_core::path::JointState;
@@ -15,24 +16,29 @@ use crate::robot::{DOF, JointConfig};
 /// assert!(state.is_finite() && !broken.is_finite());
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct JointState {
-    /// Angles, rad.
-    pub angles: [f64; DOF],
-    /// Velocities, rad/s.
-    pub velocities: [f64; DOF],
-    /// Accelerations, rad/s².
-    pub accelerations: [f64; DOF],
+pub struct JointState<const N: usize = DOF> {
+    /// Positions, rad or m.
+    pub angles: [f64; N],
+    /// Velocities, rad/s or m/s.
+    pub velocities: [f64; N],
+    /// Accelerations, rad/s² or m/s².
+    pub accelerations: [f64; N],
 }
 
-impl JointState {
+impl<const N: usize> JointState<N> {
     /// Standing still at `config`.
+    ///
+    /// # Panics
+    ///
+    /// When the arm has more than `N` joints.
     #[must_use]
     pub fn at_rest(config: &JointConfig) -> Self {
-        Self::standing(config.to_array::<DOF>().map(f64::from))
+        assert!(config.dof() <= N, "{} joints do not fit into {N}", config.dof());
+        Self::standing(config.to_array::<N>().map(f64::from))
     }
 
-    pub(super) const fn standing(angles: [f64; DOF]) -> Self {
-        Self { angles, velocities: [0.0; DOF], accelerations: [0.0; DOF] }
+    pub(super) const fn standing(angles: [f64; N]) -> Self {
+        Self { angles, velocities: [0.0; N], accelerations: [0.0; N] }
     }
 
     /// The angles, rounded to f32.

@@ -8,7 +8,7 @@ use crate::robot::{DOF, Robot};
 /// them are numbers of f64.
 const RANGE: core::ops::RangeInclusive<f64> = 1e-9..=1e12;
 
-/// Limits of every joint, the same in both directions.
+/// Limits of each of `N` joints, the same in both directions.
 ///
 /// They have no default: what a real arm accelerates at is its owner's to say, since not every
 /// vendor does.
@@ -22,16 +22,16 @@ const RANGE: core::ops::RangeInclusive<f64> = 1e-9..=1e12;
 /// assert_eq!(stuck.check().unwrap_err().to_string(), "configuration: limits.velocity[2]: expected 1e-9 to 1e12, found 0");
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MotionLimits {
+pub struct MotionLimits<const N: usize = DOF> {
     /// Greatest speeds, rad/s.
-    pub velocity: [f64; DOF],
+    pub velocity: [f64; N],
     /// Greatest accelerations, rad/s².
-    pub acceleration: [f64; DOF],
+    pub acceleration: [f64; N],
     /// Greatest jerks, rad/s³; without them accelerations may jump.
-    pub jerk: Option<[f64; DOF]>,
+    pub jerk: Option<[f64; N]>,
 }
 
-impl MotionLimits {
+impl<const N: usize> MotionLimits<N> {
     /// Checks that every limit is a positive number, from 1e-9 to 1e12.
     ///
     /// # Errors

@@ -60,11 +60,11 @@ use ramp::Ramp;
 /// # Errors
 ///
 /// When a limit is not a positive number, or so small that the duration is none.
-pub fn time_optimal(
-    path: &SmoothPath,
-    limits: &MotionLimits,
+pub fn time_optimal<const N: usize>(
+    path: &SmoothPath<N>,
+    limits: &MotionLimits<N>,
     grip: Option<&GripSpeedLimit<'_>>,
-) -> Result<Trajectory> {
+) -> Result<Trajectory<N>> {
     limits.check()?;
     grip.map_or(Ok(()), GripSpeedLimit::check)?;
     let (start, goal) = (path.angles_at(0.0), path.angles_at(path.chord_length()));
@@ -72,11 +72,11 @@ pub fn time_optimal(
     Trajectory::new(start, goal, motion)
 }
 
-fn fastest(
-    path: &SmoothPath,
-    limits: &MotionLimits,
+fn fastest<const N: usize>(
+    path: &SmoothPath<N>,
+    limits: &MotionLimits<N>,
     grip: Option<&GripSpeedLimit<'_>>,
-) -> PathMotion {
+) -> PathMotion<N> {
     let mut intervals = grid(path);
     if let Some(limit) = grip {
         limit_grip(path, &mut intervals, limit);

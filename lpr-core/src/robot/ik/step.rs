@@ -1,7 +1,9 @@
 //! The continuous solution for a small motion of the grip.
 
-use super::super::{DOF, Joint, JointConfig, MAX_JOINTS, Robot};
+use super::super::joint::TwistedRow;
+use super::super::{DOF, DhRow, Joint, JointConfig, MAX_JOINTS, Robot};
 use super::closed_form::{Angles, Target, exact_pose, rounded, within_range};
+use arrayvec::ArrayVec;
 use glamx::{DPose3, DVec3, Pose3};
 
 /// Largest change of a joint that still counts as continuous, radians.
@@ -43,10 +45,14 @@ impl Robot {
     /// ```
     #[must_use]
     pub fn ik_step(&self, world_from_grip: &Pose3, near: &JointConfig) -> Option<JointConfig> {
-        if self.dof() > DOF {
-            return self.newton_step::<MAX_JOINTS>(world_from_grip, near).ok();
-        }
-        self.newton_step::<DOF>(world_from_grip, near).map_or_else(
+        let Some(rows) = self.twisted_rows() else {
+            return if self.dof() <= DOF {
+                self.newton_step::<DOF>(world_from_grip, near, |q| self.frames_at(q)).ok()
+            } else {
+                self.newton_step::<MAX_JOINTS>(world_from_grip, near, |q| self.frames_at(q)).ok()
+            };
+        };
+        self.newton_step(world_from_grip, near, |angles| frames_of(&rows, angles)).map_or_else(
             |first| {
                 let start = near.to_array::<DOF>().map(f64::from);
                 let target = Target::new(self, world_from_grip)?;
@@ -56,15 +62,23 @@ impl Robot {
         )
     }
 
+    /// The rows of an arm of seven joints by modified-DH rows.
+    fn twisted_rows(&self) -> Option<[TwistedRow; DOF]> {
+        let rows: ArrayVec<_, MAX_JOINTS> =
+            self.joints.iter().map_while(|joint| joint.dh().map(DhRow::twisted)).collect();
+        rows[..].try_into().ok()
+    }
+
     /// The continuous solution of an arm of at most `N` joints by Newton's method, else the
-    /// positions after its first, linear step.
+    /// positions after its first, linear step. `frames_at` gives the bodies' frames.
     fn newton_step<const N: usize>(
         &self,
         world_from_grip: &Pose3,
         near: &JointConfig,
+        frames_at: impl Fn(&[f64; N]) -> [DPose3; N],
     ) -> Result<JointConfig, [f64; N]> {
         let start = near.to_array::<N>().map(f64::from);
-        let newton = self.newton(&exact_pose(world_from_grip), &start);
+        let newton = self.newton(&exact_pose(world_from_grip), &start, frames_at);
         if !(newton.converged && self.continues(&newton.angles, &start)) {
             return Err(newton.first);
         }
@@ -80,10 +94,15 @@ impl Robot {
         })
     }
 
-    fn newton<const N: usize>(&self, target: &DPose3, start: &[f64; N]) -> Newton<N> {
+    fn newton<const N: usize>(
+        &self,
+        target: &DPose3,
+        start: &[f64; N],
+        frames_at: impl Fn(&[f64; N]) -> [DPose3; N],
+    ) -> Newton<N> {
         let mut newton = Newton { angles: *start, first: *start, converged: false };
         for iteration in 0..MAX_NEWTON {
-            let frames = self.frames_at(&newton.angles);
+            let frames = frames_at(&newton.angles);
             let grip = frames[N - 1] * self.body_from_flange * self.flange_from_grip;
             let error = twist_between(&grip, target);
             if error.iter().all(|part| part.abs() < CONVERGED) {
@@ -145,6 +164,16 @@ struct Newton<const N: usize> {
     /// After the first, linear step.
     first: [f64; N],
     converged: bool,
+}
+
+/// `world_from_body` of what seven joints carry. Their rows are at hand: a joint that is asked for its
+/// kind at every iteration costs a tenth of a curve.
+fn frames_of(rows: &[TwistedRow; DOF], angles: &Angles) -> [DPose3; DOF] {
+    let mut world_from_body = DPose3::IDENTITY;
+    core::array::from_fn(|j| {
+        world_from_body *= rows[j].transform(angles[j]);
+        world_from_body
+    })
 }
 
 fn lower(robot: &Robot, j: usize) -> f64 {

@@ -116,14 +116,14 @@ mod tests {
     fn off_changes_nothing() {
         assert_eq!(Randomization::OFF.color_shift(1, 2), [0.0; 3]);
         assert_eq!(Randomization::OFF.light(1), Light::STANDARD);
-        let camera = Camera::front(&PANDA);
+        let camera = Camera::front(&PANDA).unwrap();
         assert_eq!(Randomization::OFF.moved(1, 0, camera.clone()), camera);
     }
 
     #[test]
     fn draws_stay_within_what_they_are_limited_to_and_use_it() {
         let most = &Randomization::MODERATE;
-        let (standard, camera) = (Light::STANDARD, Camera::front(&PANDA));
+        let (standard, camera) = (Light::STANDARD, Camera::front(&PANDA).unwrap());
         let (mut widest_angle, mut widest_color) = (0.0_f32, 0.0_f32);
         for seed in 0..200 {
             let light = most.light(seed);
@@ -150,7 +150,7 @@ mod tests {
         let most = &Randomization::MODERATE;
         assert_ne!(most.color_shift(1, 0), most.color_shift(1, 1));
         assert_ne!(most.color_shift(1, 0), most.color_shift(2, 0));
-        let camera = Camera::front(&PANDA);
+        let camera = Camera::front(&PANDA).unwrap();
         assert_ne!(most.moved(1, 0, camera.clone()), most.moved(1, 1, camera));
     }
 }

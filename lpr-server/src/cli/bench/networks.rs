@@ -42,7 +42,7 @@ fn fast_network(fast: &Config, mut env: SimEnvironment) -> Result<Vec<Row>> {
     config.q_attention.translation_regularisation.truncate(1);
     let mut networks = agent(&config, PoseSource::Learned)?.networks;
     let Some(attention) = &mut networks.q_attention else { return Ok(Vec::new()) };
-    let bounds = lpr_core::perception::VoxelBounds::scene(&XARM7);
+    let bounds = lpr_core::perception::VoxelBounds::scene(&XARM7)?;
     let seen = QObservation::new(&env.observe(), bounds, config.training.cloud_spacing);
     let action = env.plan().goals[0];
     let batch = [QSample {

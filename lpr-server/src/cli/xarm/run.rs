@@ -21,7 +21,7 @@ use lpr_core::sim::tasks::Task;
 use lpr_xarm::Ports;
 use lpr_xarm::executor::{Execution, Link, Watchdogs};
 use lpr_xarm::safety::{CheckedPath, SafetyLimits, check_path};
-use lpr_xarm::schedule::{Pace, schedule};
+use lpr_xarm::schedule::{StreamPace, schedule};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -169,12 +169,12 @@ fn refuse_real_arm(host: IpAddr) -> Result<()> {
     Err(Failure::Usage(format!("--host {host}: {reason}")))
 }
 
-fn pace(arguments: &Arguments) -> Result<Pace> {
+fn pace(arguments: &Arguments) -> Result<StreamPace> {
     let tick_secs = 1.0 / f64::from(arguments.rate);
     let limit = SafetyLimits::learned_agent(&XARM7, tick_secs).max_joint_speed;
     let speed = arguments.speed;
     if speed > 0.0 && speed <= limit {
-        return Ok(Pace { max_velocity: speed, max_acceleration: ACCELERATION, tick_secs });
+        return Ok(StreamPace { max_velocity: speed, max_acceleration: ACCELERATION, tick_secs });
     }
     Err(Failure::Usage(format!("--speed {speed}: expected rad/s above 0, at most {limit:.3}")))
 }

@@ -63,7 +63,7 @@ fn path_at(start: JointConfig, max_velocity: f64) -> CheckedPath {
     let mut goal = start;
     goal[0] += 0.25;
     let path = JointPath::new(vec![start, goal]).unwrap();
-    let pace = schedule::Pace { max_velocity, max_acceleration: 2.0, tick_secs: 0.01 };
+    let pace = schedule::StreamPace { max_velocity, max_acceleration: 2.0, tick_secs: 0.01 };
     let points = schedule::schedule(&path, &XARM7, &pace);
     check_path(points, &start, &SafetyLimits::learned_agent(&XARM7, pace.tick_secs)).unwrap()
 }

@@ -15,14 +15,15 @@
 use super::grid::Interval;
 use super::spline::Piece;
 use crate::path::timing::motion_limits::MotionLimits;
-use crate::robot::DOF;
+use crate::robot::MAX_JOINTS;
+use arrayvec::ArrayVec;
 
 /// Constraints of a joint: three coefficients of its acceleration and six of its squared velocity.
 const CONSTRAINTS_PER_JOINT: usize = 9;
 
-/// Constraints of an interval: of the joints, six of the grip's speed, the two of
-/// [`Constraints::of`], and an empty one.
-const N_CONSTRAINTS: usize = DOF * CONSTRAINTS_PER_JOINT + 9;
+/// Most constraints of an interval: of the joints, six of the grip's speed, and the two of
+/// [`Constraints::of`]. Empty ones fill the last lanes.
+const MAX_CONSTRAINTS: usize = MAX_JOINTS * CONSTRAINTS_PER_JOINT + 8;
 
 /// Share by which constraints may be exceeded where `x` is the largest there is: rounding would
 /// else leave no `y` beside it.
@@ -42,8 +43,8 @@ const LEAST_RATIO: f64 = 1e-4;
 /// Constraints `|a x + b y| ≤ 1`.
 #[derive(Debug, Clone)]
 pub(super) struct Constraints {
-    a: [[f64; LANES]; N_CONSTRAINTS / LANES],
-    b: [[f64; LANES]; N_CONSTRAINTS / LANES],
+    a: ArrayVec<[f64; LANES], { MAX_CONSTRAINTS / LANES }>,
+    b: ArrayVec<[f64; LANES], { MAX_CONSTRAINTS / LANES }>,
     n: usize,
 }
 
@@ -64,17 +65,13 @@ pub(super) struct Ray {
 impl Constraints {
     /// The constraints of an interval at whose end the squared speed is at most `max_end`; 0 leaves
     /// that to the caller's ray.
-    pub(super) fn of(
-        piece: &Piece,
+    pub(super) fn of<const N: usize>(
+        piece: &Piece<N>,
         interval: &Interval,
-        limits: &MotionLimits,
+        limits: &MotionLimits<N>,
         max_end: f64,
     ) -> Self {
-        let mut constraints = Self {
-            a: [[0.0; LANES]; N_CONSTRAINTS / LANES],
-            b: [[0.0; LANES]; N_CONSTRAINTS / LANES],
-            n: 0,
-        };
+        let mut constraints = Self { a: ArrayVec::new(), b: ArrayVec::new(), n: 0 };
         constraints.push(1.0 / MAX_SQUARE, 0.0);
         constraints.push(0.0, if max_end > 0.0 { 1.0 / max_end } else { 0.0 });
         constraints.push_squared_speed(&interval.grip.0);
@@ -83,16 +80,25 @@ impl Constraints {
     }
 
     fn push(&mut self, a: f64, b: f64) {
+        if self.n.is_multiple_of(LANES) {
+            self.a.push([0.0; LANES]);
+            self.b.push([0.0; LANES]);
+        }
         self.a[self.n / LANES][self.n % LANES] = a;
         self.b[self.n / LANES][self.n % LANES] = b;
         self.n += 1;
     }
 
-    fn push_joints(&mut self, piece: &Piece, interval: &Interval, limits: &MotionLimits) {
+    fn push_joints<const N: usize>(
+        &mut self,
+        piece: &Piece<N>,
+        interval: &Interval,
+        limits: &MotionLimits<N>,
+    ) {
         let (first, first_at_end) = (piece.first(interval.offset), piece.first(interval.end()));
         let (second, second_at_end) = (piece.second(interval.offset), piece.second(interval.end()));
         let half_width = 0.5 * interval.width;
-        for j in 0..DOF {
+        for j in 0..N {
             let slopes = [first[j], first[j] + half_width * second[j], first_at_end[j]];
             let per_velocity = 1.0 / (limits.velocity[j] * limits.velocity[j]);
             self.push_squared_speed(&square(slopes).map(|square| square * per_velocity));
@@ -139,7 +145,7 @@ impl Constraints {
         *(if near.b > 0.0 { &mut rising } else { &mut falling }) = near;
         let mut best = Ray { ratio: 0.0, max: 0.0 };
         // Each round finds a constraint that was not on top before, or is the last.
-        for _ in 0..N_CONSTRAINTS {
+        for _ in 0..self.n {
             let ratio = (falling.a - rising.a) / (rising.b - falling.b);
             let top = self.top(ratio);
             let ray = top.ray(ratio);
@@ -211,7 +217,7 @@ mod tests {
     use super::super::spline::SmoothPath;
     use super::*;
     use crate::path::joint_path::JointPath;
-    use crate::robot::JointConfig;
+    use crate::robot::{DOF, JointConfig};
     use proptest::prelude::*;
 
     const LIMITS: MotionLimits =
@@ -219,12 +225,12 @@ mod tests {
 
     fn path() -> impl Strategy<Value = SmoothPath> {
         prop::collection::vec(prop::array::uniform7(-2.0_f32..2.0).prop_map(JointConfig::new), 2..8)
-            .prop_map(|configs| SmoothPath::through(&JointPath::new(configs).unwrap()))
+            .prop_map(|configs| <SmoothPath>::through(&JointPath::new(configs).unwrap()))
             .prop_filter("moves", |path| path.n_pieces() > 0)
     }
 
     /// Largest share of a limit that a joint uses on an interval, looked at densely.
-    fn greatest_share(piece: &Piece, interval: &Interval, x: f64, y: f64) -> f64 {
+    fn greatest_share(piece: &Piece<DOF>, interval: &Interval, x: f64, y: f64) -> f64 {
         let u = (y - x) / (2.0 * interval.width);
         let mut greatest = 0.0_f64;
         for i in 0..=32 {

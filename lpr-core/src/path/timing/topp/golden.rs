@@ -43,7 +43,7 @@ fn durations_are_those_of_toppra() {
     };
     assert_eq!(golden.paths.len(), 40);
     for (idx, record) in golden.paths.into_iter().enumerate() {
-        let path = SmoothPath::through(&JointPath::new(record.waypoints).unwrap());
+        let path = <SmoothPath>::through(&JointPath::new(record.waypoints).unwrap());
         let ratio =
             time_optimal(&path, &limits, None).unwrap().duration_secs() / record.duration_secs;
         // On toppra's grid limits hold at grid points only, so that it may be a little faster than

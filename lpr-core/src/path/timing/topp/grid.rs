@@ -49,14 +49,14 @@ impl Interval {
     }
 
     /// The same stretch on the reversed curve, whose pieces count from the other end.
-    fn reversed(&self, piece: &Piece, n_pieces: usize) -> Self {
+    fn reversed<const N: usize>(&self, piece: &Piece<N>, n_pieces: usize) -> Self {
         let offset = (piece.length - self.end()).max(0.0);
         Self { piece: n_pieces - 1 - self.piece, offset, grip: self.grip.constant(), ..*self }
     }
 }
 
 /// Intervals of all of `path`; knots lie between intervals.
-pub(super) fn grid(path: &SmoothPath) -> Vec<Interval> {
+pub(super) fn grid<const N: usize>(path: &SmoothPath<N>) -> Vec<Interval> {
     let at_least = (ENOUGH_INTERVALS / path.n_pieces()).clamp(1, INTERVALS_PER_PIECE);
     let mut intervals = Vec::new();
     for piece in 0..path.n_pieces() {
@@ -74,7 +74,10 @@ pub(super) fn grid(path: &SmoothPath) -> Vec<Interval> {
 }
 
 /// The intervals of the reversed curve.
-pub(super) fn reversed(path: &SmoothPath, intervals: &[Interval]) -> Vec<Interval> {
+pub(super) fn reversed<const N: usize>(
+    path: &SmoothPath<N>,
+    intervals: &[Interval],
+) -> Vec<Interval> {
     intervals
         .iter()
         .rev()

@@ -3,7 +3,8 @@
 //! Its velocity by the chord length, `p' = J(q) q'`, is interpolated on every interval by the
 //! parabola through three of its values. What the parabola misses is at most `h³ / (72 √3)` times a
 //! bound to `p''''`, and that follows from the arm's reach `L`: no partial derivative of the grip's
-//! position by angles, of any order, is longer than `L`, so that by Faà di Bruno's formula
+//! position by angles, of any order, is longer than `L`, and none by the way of a sliding joint
+//! longer than 1, so that with the larger of the two as `L` by Faà di Bruno's formula
 //! `|p''''| ≤ L (w₁⁴ + 6 w₁² w₂ + 3 w₂² + 4 w₁ w₃)`, where `w_k` is the sum of the joints' `k`-th
 //! derivatives.
 
@@ -11,8 +12,9 @@ use super::grid::Interval;
 use super::grip_bound::GripBound;
 use super::spline::{Piece, SmoothPath};
 use crate::path::timing::motion_limits::GripSpeedLimit;
-use crate::robot::{DOF, DhRow, Robot};
-use glamx::DVec3;
+use crate::robot::{DhRow, Joint, JointMotion, JointOrigin, MAX_JOINTS, Robot};
+use arrayvec::ArrayVec;
+use glamx::{DPose3, DVec3};
 
 /// Largest error of a parabola through both ends and the middle of an interval, per third
 /// derivative and cubed width: `1 / (72 √3)`.
@@ -25,8 +27,8 @@ const ENOUGH: f64 = 0.01;
 const HALVINGS: usize = 3;
 
 /// Sets the bounds of all `intervals` of `path`.
-pub(super) fn limit_grip(
-    path: &SmoothPath,
+pub(super) fn limit_grip<const N: usize>(
+    path: &SmoothPath<N>,
     intervals: &mut [Interval],
     limit: &GripSpeedLimit<'_>,
 ) {
@@ -59,52 +61,84 @@ struct Stretch {
 
 /// The parts of a robot that decide how its grip moves.
 #[derive(Debug)]
-pub(super) struct Arm<'a> {
-    robot: &'a Robot,
-    rows: [DhRow; DOF],
-    /// Sines and cosines of the twists before the joints.
-    twists: [(f64, f64); DOF],
-    /// Distance that no point of the grip can have from any joint, metres.
+pub(super) struct Arm {
+    joints: ArrayVec<ArmJoint, MAX_JOINTS>,
+    /// The grip in the frame of the last body, metres.
+    grip: DVec3,
+    /// Bound to the partial derivatives of the grip's position, within the limits of the joints.
     reach: f64,
 }
 
-impl<'a> Arm<'a> {
-    pub(super) fn of(robot: &'a Robot) -> Self {
-        let row = |j: usize| robot.joints[j].dh().copied();
-        let rows = core::array::from_fn(|j| row(j).expect("an arm by modified-DH rows"));
+/// A joint, and how it is placed on the body before it.
+#[derive(Debug)]
+enum ArmJoint {
+    /// By a row, with sine and cosine of its twist.
+    Row(DhRow, (f64, f64)),
+    Fixed(DPose3, JointMotion),
+}
+
+impl Arm {
+    pub(super) fn of(robot: &Robot) -> Self {
+        let joint = |joint: &Joint| match joint.origin {
+            JointOrigin::ModifiedDh(row) => ArmJoint::Row(row, libm::sincos(row.alpha)),
+            JointOrigin::Fixed(parent_from_joint) => {
+                ArmJoint::Fixed(parent_from_joint, joint.motion)
+            }
+        };
         Self {
-            robot,
-            rows,
-            twists: rows.map(|row| libm::sincos(row.alpha)),
-            reach: reach(robot, &rows),
+            joints: robot.joints.iter().map(joint).collect(),
+            grip: robot.body_from_flange.transform_point(robot.flange_from_grip.translation),
+            reach: reach(robot),
         }
     }
 
     /// Velocity of the grip, m/s, at angles (rad) that change at `rates` (rad/s): its position and
     /// velocity in the frame of one joint after the other, down to the base.
-    pub(super) fn velocity(&self, angles: &[f64; DOF], rates: &[f64; DOF]) -> DVec3 {
-        let mut at =
-            self.robot.body_from_flange.transform_point(self.robot.flange_from_grip.translation);
-        let mut velocity = DVec3::ZERO;
-        for j in (0..DOF).rev() {
-            let joint = &self.rows[j];
-            let turn = libm::sincos(angles[j]);
-            at = turned_about_z(DVec3::new(at.x, at.y, at.z + joint.d), turn);
-            velocity = turned_about_z(velocity, turn) + rates[j] * DVec3::new(-at.y, at.x, 0.0);
-            at = turned_about_x(DVec3::new(at.x + joint.a, at.y, at.z), self.twists[j]);
-            velocity = turned_about_x(velocity, self.twists[j]);
+    pub(super) fn velocity<const N: usize>(&self, angles: &[f64; N], rates: &[f64; N]) -> DVec3 {
+        let (mut at, mut velocity) = (self.grip, DVec3::ZERO);
+        for (j, joint) in self.joints.iter().enumerate().rev() {
+            let (q, rate) = (angles[j], rates[j]);
+            match joint {
+                ArmJoint::Row(row, twist) => {
+                    let turn = libm::sincos(q);
+                    at = turned_about_z(DVec3::new(at.x, at.y, at.z + row.d), turn);
+                    velocity = turned_about_z(velocity, turn) + rate * across(at);
+                    at = turned_about_x(DVec3::new(at.x + row.a, at.y, at.z), *twist);
+                    velocity = turned_about_x(velocity, *twist);
+                }
+                ArmJoint::Fixed(parent_from_joint, motion) => {
+                    match motion {
+                        JointMotion::Turn => {
+                            let turn = libm::sincos(q);
+                            at = turned_about_z(at, turn);
+                            velocity = turned_about_z(velocity, turn) + rate * across(at);
+                        }
+                        JointMotion::Slide => {
+                            at.z += q;
+                            velocity.z += rate;
+                        }
+                    }
+                    at = parent_from_joint.transform_point(at);
+                    velocity = parent_from_joint.rotation * velocity;
+                }
+            }
         }
         velocity
     }
 
     /// Velocity of the grip by the chord length at `offset` of a piece, m/rad.
-    fn velocity_on(&self, piece: &Piece, offset: f64) -> DVec3 {
+    fn velocity_on<const N: usize>(&self, piece: &Piece<N>, offset: f64) -> DVec3 {
         self.velocity(&piece.angles(offset), &piece.first(offset))
     }
 
     /// Bernstein coefficients (degree 4) of a bound to the square of the grip's speed by the chord
     /// length. Where a parabola says too little, one for both halves.
-    fn squares(&self, piece: &Piece, stretch: &Stretch, halvings: usize) -> [f64; 5] {
+    fn squares<const N: usize>(
+        &self,
+        piece: &Piece<N>,
+        stretch: &Stretch,
+        halvings: usize,
+    ) -> [f64; 5] {
         let Stretch { offset, width, start, end } = *stretch;
         let half = 0.5 * width;
         let middle = self.velocity_on(piece, offset + half);
@@ -126,6 +160,11 @@ impl<'a> Arm<'a> {
     }
 }
 
+/// Velocity of a point that turns about z at 1 rad/s.
+const fn across(at: DVec3) -> DVec3 {
+    DVec3::new(-at.y, at.x, 0.0)
+}
+
 fn turned_about_z(v: DVec3, (sin, cos): (f64, f64)) -> DVec3 {
     DVec3::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y, v.z)
 }
@@ -141,15 +180,15 @@ fn squared([a, b, c]: [DVec3; 3], more: f64) -> [f64; 5] {
 }
 
 /// The factor of the reach in the bound to `p''''`, 1/rad⁴.
-fn growth(piece: &Piece, stretch: &Stretch) -> f64 {
-    let sum = |a: &[f64; DOF], b: &[f64; DOF]| -> f64 {
+fn growth<const N: usize>(piece: &Piece<N>, stretch: &Stretch) -> f64 {
+    let sum = |a: &[f64; N], b: &[f64; N]| -> f64 {
         a.iter().zip(b).map(|(a, b)| a.abs().max(b.abs())).sum()
     };
     let (second, second_at_end) =
         (piece.second(stretch.offset), piece.second(stretch.offset + stretch.width));
     let bends = sum(&second, &second_at_end);
     // A derivative moves over an interval by no more than its own derivative allows.
-    let slopes = sum(&piece.first(stretch.offset), &[0.0; DOF]) + stretch.width * bends;
+    let slopes = sum(&piece.first(stretch.offset), &[0.0; N]) + stretch.width * bends;
     let thirds = sum(piece.third(), piece.third());
     let slopes_squared = slopes * slopes;
     slopes_squared * slopes_squared
@@ -158,11 +197,23 @@ fn growth(piece: &Piece, stretch: &Stretch) -> f64 {
         + 4.0 * slopes * thirds
 }
 
-/// Links stretched out, metres.
-fn reach(robot: &Robot, rows: &[DhRow; DOF]) -> f64 {
-    let links: f64 = rows.iter().map(|joint| libm::hypot(joint.a, joint.d)).sum();
+/// Links stretched out, metres; at least 1 if a joint slides.
+fn reach(robot: &Robot) -> f64 {
     let length = |v: DVec3| libm::sqrt(v.dot(v));
-    links + length(robot.body_from_flange.translation) + length(robot.flange_from_grip.translation)
+    let slides = |joint: &Joint| joint.motion == JointMotion::Slide;
+    let link = |joint: &Joint| match &joint.origin {
+        JointOrigin::ModifiedDh(row) => libm::hypot(row.a, row.d),
+        JointOrigin::Fixed(parent_from_joint) if slides(joint) => {
+            length(parent_from_joint.translation)
+                + f64::from(joint.lower.abs().max(joint.upper.abs()))
+        }
+        JointOrigin::Fixed(parent_from_joint) => length(parent_from_joint.translation),
+    };
+    let links: f64 = robot.joints.iter().map(link).sum();
+    let reach = links
+        + length(robot.body_from_flange.translation)
+        + length(robot.flange_from_grip.translation);
+    if robot.joints.iter().any(slides) { reach.max(1.0) } else { reach }
 }
 
 #[cfg(test)]
@@ -204,7 +255,7 @@ mod tests {
         fn the_bound_is_above_the_grips_speed_and_near_it(
             angles in prop::collection::vec(prop::array::uniform7(-1.0_f32..1.0).prop_map(JointConfig::new), 2..6),
         ) {
-            let path = SmoothPath::through(&JointPath::new(angles).unwrap());
+            let path = <SmoothPath>::through(&JointPath::new(angles).unwrap());
             prop_assume!(path.n_pieces() > 0);
             for robot in ROBOTS {
                 let arm = Arm::of(robot);

@@ -7,8 +7,8 @@ use crate::path::timing::joint_state::JointState;
 
 /// A curve driven at a chord length that is a cubic of time on every stretch.
 #[derive(Debug, Clone)]
-pub(super) struct PathMotion {
-    path: SmoothPath,
+pub(super) struct PathMotion<const N: usize> {
+    path: SmoothPath<N>,
     pub(super) stretches: Vec<Stretch>,
 }
 
@@ -31,11 +31,11 @@ pub(super) struct Stretch {
     pub(super) jerk: f64,
 }
 
-impl PathMotion {
+impl<const N: usize> PathMotion<N> {
     /// The motion with the squared speeds `squares` around `intervals`, (rad/s)², and with `ramps`
     /// before and after them.
     pub(super) fn new(
-        path: SmoothPath,
+        path: SmoothPath<N>,
         intervals: &[Interval],
         squares: &[f64],
         ramps: Option<&Ramps>,
@@ -64,7 +64,7 @@ impl PathMotion {
     }
 
     /// The state at `t_secs`, within the duration.
-    pub(super) fn at(&self, t_secs: f64) -> JointState {
+    pub(super) fn at(&self, t_secs: f64) -> JointState<N> {
         let next = self.stretches.partition_point(|stretch| stretch.since <= t_secs);
         let (at, speed, acceleration) = self.stretches[next.max(1) - 1].at(t_secs);
         let idx = self.path.piece_at(at);

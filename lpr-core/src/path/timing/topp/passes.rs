@@ -20,10 +20,10 @@ pub(super) struct Ramps {
 ///
 /// Without ramps the path starts and ends at rest. With them it goes on from a ramp, or towards
 /// one, at the acceleration that the ramp has there.
-pub(super) fn squared_speeds(
-    path: &SmoothPath,
+pub(super) fn squared_speeds<const N: usize>(
+    path: &SmoothPath<N>,
     intervals: &[Interval],
-    limits: &MotionLimits,
+    limits: &MotionLimits<N>,
     ramps: Option<&Ramps>,
 ) -> Vec<f64> {
     let rays = controllable(path, intervals, limits, ramps);
@@ -46,10 +46,10 @@ pub(super) fn squared_speeds(
 
 /// For every interval the largest square at its start from which the rest can be driven, and how it
 /// then goes on.
-fn controllable(
-    path: &SmoothPath,
+fn controllable<const N: usize>(
+    path: &SmoothPath<N>,
     intervals: &[Interval],
-    limits: &MotionLimits,
+    limits: &MotionLimits<N>,
     ramps: Option<&Ramps>,
 ) -> Vec<Ray> {
     let mut rays = vec![Ray { ratio: 0.0, max: 0.0 }; intervals.len()];

@@ -9,7 +9,6 @@
 use super::grid::Interval;
 use super::spline::{Piece, SmoothPath};
 use crate::path::timing::motion_limits::MotionLimits;
-use crate::robot::DOF;
 
 /// A ramp that would end later than this within an interval ends with it, so that what is left is
 /// no sliver.
@@ -34,11 +33,11 @@ pub(super) struct Ramp {
 impl Ramp {
     /// The shortest ramp to an acceleration at which another limit than that of the jerk decides;
     /// where there is none on `intervals`, the one to the highest acceleration.
-    pub(super) fn over(
-        path: &SmoothPath,
+    pub(super) fn over<const N: usize>(
+        path: &SmoothPath<N>,
         intervals: &[Interval],
-        limits: &MotionLimits,
-        jerk: &[f64; DOF],
+        limits: &MotionLimits<N>,
+        jerk: &[f64; N],
     ) -> Self {
         let mut highest = (0.0, None);
         let mut demand = Demand::default();
@@ -101,19 +100,19 @@ struct Demand {
 
 impl Demand {
     /// With that of an interval at the chord length `at`.
-    fn with(
+    fn with<const N: usize>(
         self,
-        piece: &Piece,
+        piece: &Piece<N>,
         interval: &Interval,
         at: f64,
-        limits: &MotionLimits,
-        jerk: &[f64; DOF],
+        limits: &MotionLimits<N>,
+        jerk: &[f64; N],
     ) -> Self {
         let (first, second, third) =
             (piece.first(interval.offset), piece.second(interval.offset), piece.third());
         let (end, half_width) = (at + interval.width, 0.5 * interval.width);
         let mut demand = Self { square: self.square.max(interval.grip.max()), ..self };
-        for j in 0..DOF {
+        for j in 0..N {
             let second_at_end = second[j] + interval.width * third[j];
             let slopes = parabola(first[j], second[j], second_at_end, half_width);
             let for_acceleration = parabola(
@@ -165,14 +164,14 @@ mod tests {
     use super::super::grid::grid;
     use super::*;
     use crate::path::joint_path::JointPath;
-    use crate::robot::JointConfig;
+    use crate::robot::{DOF, JointConfig};
 
     const LIMITS: MotionLimits =
         MotionLimits { velocity: [2.0; DOF], acceleration: [10.0; DOF], jerk: None };
 
     fn straight(length: f32) -> SmoothPath {
         let ends = [0.0, length].map(|x| JointConfig::new([x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
-        SmoothPath::through(&JointPath::new(ends.to_vec()).unwrap())
+        <SmoothPath>::through(&JointPath::new(ends.to_vec()).unwrap())
     }
 
     fn ramp(path: &SmoothPath, jerk: f64) -> Ramp {

@@ -84,7 +84,7 @@ fn jerks(trajectory: &Trajectory, since: f64, duration: f64) -> impl Iterator<It
 proptest! {
     #[test]
     fn all_limits_hold_everywhere(path in path(), limits in limits(), max_speed in prop::option::of(0.05..2.0_f64)) {
-        let smooth = SmoothPath::through(&path);
+        let smooth = <SmoothPath>::through(&path);
         prop_assume!(smooth.n_pieces() > 0);
         for robot in ROBOTS {
             let grip = max_speed.map(|max_speed| GripSpeedLimit { robot, max_speed });
@@ -106,7 +106,7 @@ proptest! {
     fn with_a_jerk_limit_accelerations_grow_from_nothing_fall_to_nothing_and_do_not_jump_there(
         path in path(), limits in limits(), jerk in prop::array::uniform7(5.0..5000.0_f64),
     ) {
-        let smooth = SmoothPath::through(&path);
+        let smooth = <SmoothPath>::through(&path);
         prop_assume!(smooth.n_pieces() > 0);
         let limits = MotionLimits { jerk: Some(jerk), ..limits };
         let trajectory = time_optimal(&smooth, &limits, None).unwrap();
@@ -132,7 +132,7 @@ proptest! {
 
     #[test]
     fn velocities_and_accelerations_are_those_of_the_angles(path in path(), limits in limits(), share in 0.01..0.99_f64) {
-        let smooth = SmoothPath::through(&path);
+        let smooth = <SmoothPath>::through(&path);
         prop_assume!(smooth.chord_length() > 1e-3);
         let trajectory = time_optimal(&smooth, &limits, None).unwrap();
         let t = share * trajectory.duration_secs();
@@ -151,7 +151,7 @@ proptest! {
 
     #[test]
     fn a_motion_starts_and_ends_at_rest_and_goes_along_the_curve_without_turning_back(path in path(), limits in limits()) {
-        let smooth = SmoothPath::through(&path);
+        let smooth = <SmoothPath>::through(&path);
         let trajectory = time_optimal(&smooth, &limits, None).unwrap();
         let end = trajectory.duration_secs();
         prop_assert_eq!(trajectory.at(-1.0), JointState::at_rest(path.start()));
@@ -175,7 +175,7 @@ proptest! {
     fn limits_of_any_size_give_numbers_or_an_error(
         path in path(), exponents in prop::array::uniform4(-9..=12_i32), with_jerk in prop::bool::ANY,
     ) {
-        let smooth = SmoothPath::through(&path);
+        let smooth = <SmoothPath>::through(&path);
         let [velocity, acceleration, jerk, max_speed] = exponents.map(|exponent| libm::pow(10.0, f64::from(exponent)));
         let limits = one_joint(velocity, acceleration, with_jerk.then_some(jerk));
         let grip = GripSpeedLimit { robot: &PANDA, max_speed };
@@ -189,7 +189,7 @@ proptest! {
 
     #[test]
     fn looser_limits_are_never_slower(path in path(), limits in limits(), factor in 1.0..3.0_f64) {
-        let smooth = SmoothPath::through(&path);
+        let smooth = <SmoothPath>::through(&path);
         let limits = MotionLimits { jerk: None, ..limits };
         let looser = MotionLimits { acceleration: limits.acceleration.map(|limit| limit * factor), ..limits };
         let duration = |limits| time_optimal(&smooth, limits, None).unwrap().duration_secs();
@@ -207,7 +207,7 @@ proptest! {
 
 fn line(length: f32) -> SmoothPath {
     let ends = [0.0, length].map(|x| JointConfig::new([x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
-    SmoothPath::through(&JointPath::new(ends.to_vec()).unwrap())
+    <SmoothPath>::through(&JointPath::new(ends.to_vec()).unwrap())
 }
 
 fn one_joint(velocity: f64, acceleration: f64, jerk: Option<f64>) -> MotionLimits {
@@ -254,7 +254,7 @@ fn the_grip_goes_at_its_limit_where_that_decides() {
     // The arm turns about its base: the grip goes on a circle.
     let mut goal = PANDA.start;
     goal[0] += 2.0;
-    let path = SmoothPath::through(&JointPath::new(vec![PANDA.start, goal]).unwrap());
+    let path = <SmoothPath>::through(&JointPath::new(vec![PANDA.start, goal]).unwrap());
     let grip = GripSpeedLimit { robot: &PANDA, max_speed: 0.1 };
     let trajectory = time_optimal(&path, &LIMITS, Some(&grip)).unwrap();
     let speed = grip_speed(&grip, &trajectory.at(0.5 * trajectory.duration_secs()));
@@ -263,7 +263,7 @@ fn the_grip_goes_at_its_limit_where_that_decides() {
 
 #[test]
 fn a_path_that_stays_takes_no_time() {
-    let path = SmoothPath::through(&JointPath::new(vec![PANDA.start; 5]).unwrap());
+    let path = <SmoothPath>::through(&JointPath::new(vec![PANDA.start; 5]).unwrap());
     let trajectory = time_optimal(&path, &LIMITS, None).unwrap();
     assert_eq!(trajectory.duration_secs(), 0.0);
     assert_eq!(trajectory.at(0.0), JointState::at_rest(&PANDA.start));
@@ -325,7 +325,7 @@ fn the_work_grows_with_the_configurations_and_no_faster() {
         })
     };
     let n_stretches = |n| {
-        let path = SmoothPath::through(&JointPath::new(configs(n).collect()).unwrap());
+        let path = <SmoothPath>::through(&JointPath::new(configs(n).collect()).unwrap());
         fastest(&path, &LIMITS, None).stretches.len()
     };
     assert_eq!(n_stretches(30_001) - n_stretches(20_001), 10_000);

@@ -24,15 +24,15 @@ use crate::robot::DOF;
 /// # Ok::<(), lpr_core::Error>(())
 /// ```
 #[derive(Debug, Clone)]
-pub struct Trajectory {
-    start: JointState,
-    goal: [f64; DOF],
+pub struct Trajectory<const N: usize = DOF> {
+    start: JointState<N>,
+    goal: [f64; N],
     duration: f64,
     /// None when start and goal are one: nothing moves.
-    motion: Option<PathMotion>,
+    motion: Option<PathMotion<N>>,
 }
 
-impl Trajectory {
+impl<const N: usize> Trajectory<N> {
     /// From rest at `start` to rest at `goal` (rad) by `motion`; without one it takes no time.
     ///
     /// # Errors
@@ -40,9 +40,9 @@ impl Trajectory {
     /// When the duration is not finite: limits so small or ways so long that numbers of f64 do not
     /// reach.
     pub(super) fn new(
-        start: [f64; DOF],
-        goal: [f64; DOF],
-        motion: Option<PathMotion>,
+        start: [f64; N],
+        goal: [f64; N],
+        motion: Option<PathMotion<N>>,
     ) -> Result<Self> {
         let duration = motion.as_ref().map_or(0.0, PathMotion::duration);
         if !duration.is_finite() {
@@ -61,7 +61,7 @@ impl Trajectory {
 
     /// The state at `t_secs`: that of the start before 0, at rest at the goal from the end on.
     #[must_use]
-    pub fn at(&self, t_secs: f64) -> JointState {
+    pub fn at(&self, t_secs: f64) -> JointState<N> {
         if t_secs >= self.duration {
             return JointState::standing(self.goal);
         }
@@ -77,7 +77,7 @@ impl Trajectory {
     /// # Errors
     ///
     /// When the period is not a positive number.
-    pub fn samples(&self, period_secs: f64) -> Result<impl Iterator<Item = (f64, JointState)>> {
+    pub fn samples(&self, period_secs: f64) -> Result<impl Iterator<Item = (f64, JointState<N>)>> {
         if !(period_secs.is_finite() && period_secs > 0.0) {
             return Err(Error::Config(format!(
                 "period: expected a time above 0, found {period_secs} s"

@@ -99,7 +99,7 @@ fn depth_is_that_of_ray_casting() {
     let mut renderer = Renderer::new(Detail::Observation);
     let items = tabletop(&mut renderer);
     let mesh = merged(&renderer, &items);
-    for camera in [Camera::front(&PANDA), close_up()] {
+    for camera in [Camera::front(&PANDA).unwrap(), close_up()] {
         let frame = renderer.render(&camera, &items);
         let n_seen = frame.view.depth.iter().filter(|depth| depth.is_finite()).count();
         let (most, n_others) =
@@ -147,7 +147,8 @@ fn observation_meshes_are_at_most_six_percent_inside_a_ball() {
 fn points_project_to_the_pixels_that_see_them() {
     let mut renderer = Renderer::new(Detail::Observation);
     let items = tabletop(&mut renderer);
-    let View { camera, depth, points, .. } = renderer.render(&Camera::front(&PANDA), &items).view;
+    let View { camera, depth, points, .. } =
+        renderer.render(&Camera::front(&PANDA).unwrap(), &items).view;
     for (idx, (point, depth)) in points.iter().zip(depth).enumerate() {
         assert_eq!(point.is_finite(), depth.is_finite());
         if !point.is_finite() {
@@ -239,14 +240,14 @@ fn shared_edges_leave_no_gap() {
 fn a_reused_renderer_and_frame_give_the_same_picture() {
     let mut renderer = Renderer::new(Detail::Observation);
     let items = tabletop(&mut renderer);
-    let first = renderer.render(&Camera::front(&PANDA), &items);
-    let mut again = renderer.render(&Camera::front(&PANDA), &items[..2]);
+    let first = renderer.render(&Camera::front(&PANDA).unwrap(), &items);
+    let mut again = renderer.render(&Camera::front(&PANDA).unwrap(), &items[..2]);
     assert_ne!(first, again);
     renderer.render_into(&mut again, &items);
     assert_eq!(first, again);
     let mut other = Renderer::new(Detail::Observation);
     let items = tabletop(&mut other);
-    assert_eq!(first, other.render(&Camera::front(&PANDA), &items));
+    assert_eq!(first, other.render(&Camera::front(&PANDA).unwrap(), &items));
 }
 
 #[test]
