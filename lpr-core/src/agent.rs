@@ -13,6 +13,8 @@
 //!
 //! - The policy's path is tested for its length in evaluation as in training; the paper speaks of
 //!   training alone.
+//! - The observation has the time in the episode, and Q-attention sees the cloud thinned to
+//!   [`AgentSettings::cloud_spacing`].
 //! - Poses may come from the demonstrator, so that paths are learned alone, and they may be chosen by
 //!   the target weights of Q-attention ([`ActingNetwork`]), as in the released code.
 //! - The policy is asked for a path to the goal configuration nearest to the start, since a pose

@@ -35,6 +35,8 @@ pub enum Stream {
     Augment,
     /// Initial weights.
     Init,
+    /// Configurations in which links are looked at that may always touch.
+    SelfPairs,
 }
 
 /// Bits of the ChaCha stream number that hold the index; the rest hold the [`Stream`].

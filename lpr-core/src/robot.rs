@@ -4,6 +4,7 @@
 
 mod built_in;
 mod fit;
+mod follower;
 mod geometry;
 #[cfg(test)]
 mod golden;
@@ -15,6 +16,7 @@ mod kinematics;
 mod link;
 mod mesh;
 mod model;
+mod moves;
 mod panda;
 mod recognise;
 mod roster;
@@ -26,6 +28,7 @@ mod xml;
 use crate::error::{Error, Result};
 
 pub use fit::MAX_SPHERES;
+pub use follower::Follower;
 pub use geometry::{Finger, GripperBox, MAX_OVERSHOOT};
 pub use gripper::{Gripper, GripperSpec};
 pub use ik::{IkBranches, MAX_STEP_CHANGE};
@@ -34,6 +37,9 @@ pub use joint_config::{JointConfig, JointRanges, MAX_JOINTS};
 pub use link::{Capsule, Link, Sphere};
 pub use mesh::MeshReader;
 pub use model::{DOF, HAND, N_LINKS, Robot};
+pub(crate) use moves::Move;
 pub use panda::PANDA;
 pub use roster::ROBOTS;
+pub use urdf::{Described, GroupFound, UrdfOptions};
 pub use xarm7::XARM7;
+pub use xml::decode_xml;

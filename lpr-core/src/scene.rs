@@ -7,10 +7,12 @@
 mod arm_spheres;
 mod block;
 mod cloud;
+mod contact;
 mod contents;
 mod frames;
 mod motion;
 mod obstacles;
+mod overlaps;
 mod primitive;
 mod proximity;
 mod shape;
@@ -21,12 +23,14 @@ pub(crate) mod stick_arm;
 
 pub use arm_spheres::{ArmSpheres, MAX_LINKS};
 pub use cloud::{PointCloud, downsample};
+pub use contact::{Contact, Touched};
 pub use contents::Scene;
 pub use motion::MotionChecker;
 pub use obstacles::{
     CONTACT_DISTANCE, HELD_BOX, Held, ObstacleQuery, POINT_RADIUS, SELF_FILTER_INFLATION, VOXEL,
     observed_obstacles, obstacle_scene,
 };
+pub use overlaps::{Overlap, overlaps};
 pub use primitive::{Face, Primitive};
 pub use proximity::Proximity;
 pub use shape::{Part, Shape};

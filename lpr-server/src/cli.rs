@@ -59,8 +59,8 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// List the built-in robots
-    Robots,
+    /// List the built-in robots, or tell what a URDF file says
+    Robots(Box<robots::Arguments>),
     /// List the tasks
     Tasks,
     /// Place a task many times: how often that fails, and what of its range is covered
@@ -99,7 +99,7 @@ enum Command {
 impl Command {
     fn run(&self, format: Format) -> Result<()> {
         match self {
-            Self::Robots => print(&robots::run(), format),
+            Self::Robots(arguments) => print(&robots::run(arguments)?, format),
             Self::Tasks => print(&tasks::run(), format),
             Self::Placements(arguments) => print(&placements::run(arguments), format),
             Self::Demo(arguments) => print(&demo::run(arguments)?, format),

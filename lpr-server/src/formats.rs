@@ -81,7 +81,7 @@ pub struct PoseQuery {
     pub world_from_flange: DPose3,
     /// Configuration at which the search for a solution starts: one number for each joint,
     /// unchecked.
-    pub seed_config: Option<Vec<f32>>,
+    pub seed_config: Option<Vec<f64>>,
 }
 
 /// Reads `{"configs": [[q…]…]}`, radians; how many numbers a configuration has is unchecked.
@@ -89,11 +89,11 @@ pub struct PoseQuery {
 /// # Errors
 ///
 /// When the file is missing or malformed, naming the configuration at fault.
-pub fn read_configs(path: &Path) -> Result<Vec<Vec<f32>>> {
+pub fn read_configs(path: &Path) -> Result<Vec<Vec<f64>>> {
     #[derive(Deserialize)]
     #[serde(deny_unknown_fields)]
     struct ConfigsFile {
-        configs: Vec<Vec<f32>>,
+        configs: Vec<Vec<f64>>,
     }
     files::read_json(path).map(|ConfigsFile { configs }| configs)
 }
@@ -118,7 +118,7 @@ pub fn read_poses(path: &Path) -> Result<Vec<PoseQuery>> {
 struct PoseEntry {
     position: [f64; 3],
     rotation_xyzw: [f64; 4],
-    seed_config: Option<Vec<f32>>,
+    seed_config: Option<Vec<f64>>,
 }
 
 impl PoseEntry {

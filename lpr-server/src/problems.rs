@@ -32,9 +32,9 @@ pub struct Problem {
     /// Name by which results are listed.
     pub name: String,
     /// Configuration of the arm: one number for each joint, unchecked.
-    pub start: Vec<f32>,
+    pub start: Vec<f64>,
     /// Configurations that it may go to, likewise.
-    pub goals: Vec<Vec<f32>>,
+    pub goals: Vec<Vec<f64>>,
     #[serde(default)]
     spheres: Vec<SphereJson>,
     #[serde(default)]

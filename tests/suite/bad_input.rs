@@ -67,7 +67,10 @@ fn unknown_names_are_told_with_those_that_exist() {
         assert!(error.contains(says), "{arguments:?}: {error}");
     }
     let error = refused(&[&train[..], &["--preset", "quick"]].concat(), 1);
-    assert!(error.contains("preset: expected one of fast, paper, found 'quick'"), "{error}");
+    assert!(
+        error.contains("preset: expected one of fast, paper, paper-narrow, found 'quick'"),
+        "{error}"
+    );
 }
 
 #[test]

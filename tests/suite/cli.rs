@@ -78,7 +78,7 @@ fn a_malformed_file_is_named_with_its_field() {
         refusal("fk", "--configs", json!({"configs": [[0, 0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 0]]}));
     assert!(error.starts_with("configs[1]: has 6 joint angles, xarm7 has 7"), "{error}");
     let error = refusal("fk", "--configs", json!({"configs": [[0, 0, 0, 0, 0, 0, 1e300]]}));
-    assert!(error.starts_with("configs[0][6]: number out of range"), "{error}");
+    assert!(error.starts_with("configs[0][6]: is not a finite number"), "{error}");
     let error = refusal(
         "ik",
         "--poses",

@@ -18,6 +18,7 @@ mod page;
 mod planner;
 mod planning;
 mod public_api;
+mod robot_files;
 mod runs;
 mod scenes;
 mod serve;

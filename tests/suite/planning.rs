@@ -283,13 +283,6 @@ fn descriptions_that_are_broken_or_do_not_go_with_the_arm_are_refused() {
     };
     for (urdf, says) in [
         (PLANAR_ARM.replace(r#"<parent link="upper"/>"#, r#"<parent link="arm"/>"#), "arm"),
-        (
-            PLANAR_ARM.replace(
-                r#"<sphere radius="0.05"/>"#,
-                r#"<mesh filename="package://planar/none.stl"/>"#,
-            ),
-            "none.stl",
-        ),
         (PLANAR_ARM.replace(r#"<sphere radius="0.05"/>"#, r#"<teapot radius="0.05"/>"#), "teapot"),
         (PLANAR_ARM.replace(r#"lower="-3""#, r#"lower="NaN""#), "lower"),
         (PLANAR_ARM[..PLANAR_ARM.len() - 8].to_owned(), "URDF"),
@@ -297,6 +290,11 @@ fn descriptions_that_are_broken_or_do_not_go_with_the_arm_are_refused() {
         let error = refused(&urdf);
         assert!(error.contains(says) && error.contains("a.urdf"), "{error} instead of {says}");
     }
+    let without_mesh = PLANAR_ARM
+        .replace(r#"<sphere radius="0.05"/>"#, r#"<mesh filename="package://planar/none.stl"/>"#);
+    let file = folder.write("a.urdf", without_mesh);
+    let error = refusal(&["plan", "--robot", &file, "--problems", &configs], 1);
+    assert!(error.contains("none.stl") && error.contains("a.urdf"), "{error}");
     let srdf = ["fk", "--robot", "panda", "--srdf", "a.srdf", "--configs", &configs];
     assert!(refusal(&srdf, 2).contains("--srdf: only for a URDF file"));
     let planner = ["plan", "--problems", &configs, "--planner", "guess"];

@@ -14,6 +14,9 @@
 //!
 //! # Differences from the paper
 //!
+//! The paper's background writes a plain squared error; double Q, Huber and the regulariser are of
+//! the released code.
+//!
 //! Actions of successful episodes can add `λ_d mean_k -log softmax(Q_k / T)(a_k)` ([`Imitation`];
 //! not in the `paper` preset). The loss above gives a voxel that is right with probability `p` the
 //! value `1 - λ_t K / (V p)`, so likely and unlikely neighbours hardly differ; this term sets them

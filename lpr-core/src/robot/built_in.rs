@@ -54,6 +54,7 @@ impl BuiltIn {
         Arc::new(Robot {
             name: self.name.to_owned(),
             joints: self.joints.into_iter().enumerate().map(joint).collect(),
+            followers: Vec::new(),
             body_from_flange: self.link7_from_flange,
             flange_from_grip: self.flange_from_grip,
             links: (0..N_LINKS).map(|frame| self.link(frame)).collect(),

@@ -12,7 +12,7 @@ mod step;
 pub use closed_form::IkBranches;
 pub use step::MAX_STEP_CHANGE;
 
-use super::{DOF, JointConfig, Robot};
+use super::{DOF, Joint, JointConfig, JointMotion, Robot};
 use crate::rng::{Rng, Stream, stream};
 use closed_form::{Angles, Target, rounded, widened};
 use core::f64::consts::{PI, TAU};
@@ -76,7 +76,7 @@ impl Robot {
             let rng = &mut stream(0, Stream::Ik, 0);
             return self.ik(world_from_grip, near, 1, 0.0, rng).into_iter().next();
         };
-        let near = widened(near);
+        let near = widened(&self.inside(near));
         let mut best = self
             .scan(&target, &near, SCAN_SPACING)
             .or_else(|| self.scan(&target, &near, 0.1 * SCAN_SPACING))?;
@@ -91,11 +91,21 @@ impl Robot {
         Some(rounded(&best.angles))
     }
 
+    /// The configuration with every joint within its limits: one that is beyond turns by whole turns
+    /// if that leads inside, else it is moved onto the limit.
+    pub(super) fn inside(&self, config: &JointConfig) -> JointConfig {
+        JointConfig::from_fn(config.dof(), |j| match self.joints.get(j) {
+            Some(joint) => joint.inside(config[j]),
+            None => config[j],
+        })
+    }
+
     /// The best solution on a grid of `q7`, from `near` outwards until `q7` alone is further away
     /// than the best.
     fn scan(&self, target: &Target<'_>, near: &Angles, spacing: f64) -> Option<Nearest> {
         let joint = &self.joints[DOF - 1];
-        let n_steps = (f64::from(joint.upper - joint.lower) / spacing) as i32 + 1;
+        let range = f64::from(joint.upper - joint.lower).min(TAU * 2.0);
+        let n_steps = (range / spacing) as i32 + 1;
         let mut best = Nearest { angles: *near, squared_distance: f64::INFINITY };
         for step in 0..=n_steps {
             let offset = f64::from(step) * spacing;
@@ -136,7 +146,7 @@ impl Robot {
         let Some(target) = Target::new(self, world_from_grip) else {
             return self.ik(world_from_grip, near, n, min_distance, rng);
         };
-        let near = widened(near);
+        let near = widened(&self.inside(near));
         let offset = rng.random::<f64>();
         let solve = |fraction: f64| target.solve(self.q7_sample(offset + fraction), &near);
         let mut distinct =
@@ -180,6 +190,21 @@ impl Robot {
         let (lower, upper) = (f64::from(joint.lower), f64::from(joint.upper));
         let (first, range) = if upper - lower > TAU { (-PI, TAU) } else { (lower, upper - lower) };
         first + range * (fraction - libm::floor(fraction))
+    }
+}
+
+impl Joint {
+    /// The position that is as `q` and within the limits, or the limit that is nearest.
+    fn inside(&self, q: f32) -> f32 {
+        /// An arm may stand a little beyond its limit, radians: it is to come back, and not to turn.
+        const BEYOND: f32 = 0.1;
+        let onto = q.max(self.lower).min(self.upper);
+        if self.motion == JointMotion::Slide || (q - onto).abs() <= BEYOND {
+            return onto;
+        }
+        let turns = libm::ceil((f64::from(onto) - f64::from(q)).abs() / TAU);
+        let turned = (f64::from(q) + (TAU * turns).copysign(f64::from(onto - q))) as f32;
+        if self.lower <= turned && turned <= self.upper { turned } else { onto }
     }
 }
 

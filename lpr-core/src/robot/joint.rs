@@ -16,8 +16,8 @@ pub struct Joint {
     pub lower: f32,
     /// Upper limit, radians or metres.
     pub upper: f32,
-    /// Turns without end: `lower` and `upper` are then the windings that are searched, one turn
-    /// either way. Distances and paths do not wrap around.
+    /// Turns without end: `lower` and `upper` are then infinite, positions that differ by whole turns
+    /// are one, and planners, curves and kinematics take the winding nearest the start.
     pub is_continuous: bool,
     /// Velocity limit, rad/s or m/s.
     pub max_velocity: f32,

@@ -3,7 +3,7 @@
 //! Trigonometry goes through `libm` and nothing is fused, so that native code and wasm agree bit
 //! for bit.
 
-use super::{DOF, HAND, JointConfig, JointMotion, MAX_JOINTS, N_LINKS, Robot};
+use super::{DOF, HAND, JointConfig, JointMotion, JointOrigin, MAX_JOINTS, N_LINKS, Robot};
 use glamx::{DPose3, DVec3, Pose3};
 
 impl Robot {
@@ -21,7 +21,7 @@ impl Robot {
     /// ```
     #[must_use]
     pub fn joint_frames(&self, config: &JointConfig) -> [DPose3; DOF] {
-        self.frames_at(&config.to_array::<DOF>().map(f64::from))
+        self.frames_at(&config.to_array::<DOF>().map(f64::from)).joints
     }
 
     /// `world_from_body` of the base and what every joint carries, in f64.
@@ -36,28 +36,64 @@ impl Robot {
     /// ```
     #[must_use]
     pub fn body_frames(&self, config: &JointConfig) -> Vec<DPose3> {
-        let frames = self.frames_at(&config.to_array::<MAX_JOINTS>().map(f64::from));
-        core::iter::once(DPose3::IDENTITY).chain(frames).take(self.dof() + 1).collect()
+        self.bodies_at(&config.to_array::<MAX_JOINTS>().map(f64::from))
+    }
+
+    /// `world_from_body` of all bodies at f64 positions.
+    fn bodies_at(&self, positions: &[f64; MAX_JOINTS]) -> Vec<DPose3> {
+        let mut frames = vec![DPose3::IDENTITY; self.n_bodies()];
+        for step in self.moves() {
+            let parent_from_body = match step.follower {
+                Some(follower) => follower.transform(positions[step.joint]),
+                None => self.joints[step.joint].transform(positions[step.joint]),
+            };
+            frames[step.body] = frames[step.parent] * parent_from_body;
+        }
+        frames
     }
 
     /// `world_from_body` of what each of `N` joints carries, at f64 positions; an arm with fewer
     /// repeats its last.
-    pub(super) fn frames_at<const N: usize>(&self, positions: &[f64; N]) -> [DPose3; N] {
+    pub(super) fn frames_at<const N: usize>(&self, positions: &[f64; N]) -> Frames<N> {
+        if !self.followers.is_empty() {
+            return self.frames_with_followers(positions);
+        }
         let mut world_from_body = DPose3::IDENTITY;
-        core::array::from_fn(|j| {
+        Frames::of_joints(core::array::from_fn(|j| {
             if let Some(joint) = self.joints.get(j) {
                 world_from_body *= joint.transform(positions[j]);
             }
             world_from_body
-        })
+        }))
     }
 
-    /// `world_from_body` of what the last joint carries.
+    fn frames_with_followers<const N: usize>(&self, positions: &[f64; N]) -> Frames<N> {
+        let config: [f64; MAX_JOINTS] =
+            core::array::from_fn(|j| positions.get(j).copied().unwrap_or(0.0));
+        let bodies = self.bodies_at(&config);
+        let (joints, followers) = bodies[1..].split_at(self.dof());
+        Frames {
+            joints: core::array::from_fn(|j| joints[j.min(joints.len() - 1)]),
+            tip: bodies[self.tip_body()],
+            followers: followers.to_vec(),
+        }
+    }
+
+    /// `world_from_body` of what the flange is on.
     fn last_frame(&self, config: &JointConfig) -> DPose3 {
-        let positions = self.joints.iter().zip(config.to_array::<MAX_JOINTS>());
-        positions.fold(DPose3::IDENTITY, |world_from_body, (joint, q)| {
-            world_from_body * joint.transform(f64::from(q))
-        })
+        if !self.followers.is_empty() {
+            return self.body_frames(config)[self.tip_body()];
+        }
+        let config = config.to_array::<MAX_JOINTS>();
+        let mut world_from_body = DPose3::IDENTITY;
+        for (joint, q) in self.joints.iter().zip(&config) {
+            world_from_body *= match &joint.origin {
+                // Asked here: through `Joint::transform` a pose takes a fifth longer.
+                JointOrigin::ModifiedDh(row) => row.transform(f64::from(*q)),
+                JointOrigin::Fixed(_) => joint.transform(f64::from(*q)),
+            };
+        }
+        world_from_body
     }
 
     /// `world_from_frame` of base, links 1–7 and hand (the flange) of an arm like the built-in ones.
@@ -144,26 +180,55 @@ impl Robot {
     /// ```
     #[must_use]
     pub fn jacobian(&self, config: &JointConfig) -> [[f64; DOF]; 6] {
-        self.jacobian_of(&self.joint_frames(config))
+        self.jacobian_of(&self.frames_at(&config.to_array::<DOF>().map(f64::from)))
     }
 
     /// The Jacobian of an arm of at most `N` joints, from their frames.
-    pub(super) fn jacobian_of<const N: usize>(&self, frames: &[DPose3; N]) -> [[f64; N]; 6] {
-        let grip = (frames[N - 1] * self.body_from_flange * self.flange_from_grip).translation;
+    pub(super) fn jacobian_of<const N: usize>(&self, frames: &Frames<N>) -> [[f64; N]; 6] {
+        let grip = (frames.tip * self.body_from_flange * self.flange_from_grip).translation;
         let mut jacobian = [[0.0; N]; 6];
-        for (j, (joint, frame)) in self.joints.iter().zip(frames).enumerate() {
-            let axis = frame.rotation * DVec3::Z;
-            let (linear, angular) = match joint.motion {
-                JointMotion::Turn => (axis.cross(grip - frame.translation), axis),
-                JointMotion::Slide => (axis, DVec3::ZERO),
-            };
-            for (row, value) in linear.to_array().into_iter().chain(angular.to_array()).enumerate()
-            {
+        for (j, (joint, frame)) in self.joints.iter().zip(&frames.joints).enumerate() {
+            for (row, value) in velocity(joint.motion, frame, grip).enumerate() {
                 jacobian[row][j] = value;
+            }
+        }
+        for (follower, frame) in self.followers.iter().zip(&frames.followers) {
+            if follower.is_in_chain {
+                for (row, value) in velocity(follower.motion, frame, grip).enumerate() {
+                    jacobian[row][follower.joint] += follower.multiplier * value;
+                }
             }
         }
         jacobian
     }
+}
+
+/// Frames of an arm of at most `N` joints, in the world.
+#[derive(Debug)]
+pub(super) struct Frames<const N: usize> {
+    /// Of what each joint carries; the last repeats.
+    pub(super) joints: [DPose3; N],
+    /// Of what the flange is on.
+    pub(super) tip: DPose3,
+    /// Of what each follower carries.
+    followers: Vec<DPose3>,
+}
+
+impl<const N: usize> Frames<N> {
+    /// Of an arm without followers.
+    pub(super) const fn of_joints(joints: [DPose3; N]) -> Self {
+        Self { joints, tip: joints[N - 1], followers: Vec::new() }
+    }
+}
+
+/// Linear and angular velocity of `grip` where a joint moves at 1, by the frame of what it carries.
+fn velocity(motion: JointMotion, frame: &DPose3, grip: DVec3) -> impl Iterator<Item = f64> {
+    let axis = frame.rotation * DVec3::Z;
+    let (linear, angular) = match motion {
+        JointMotion::Turn => (axis.cross(grip - frame.translation), axis),
+        JointMotion::Slide => (axis, DVec3::ZERO),
+    };
+    linear.to_array().into_iter().chain(angular.to_array())
 }
 
 #[cfg(test)]
@@ -186,7 +251,7 @@ mod tests {
                     let moved = |by: f64| {
                         let mut angles = config.to_array::<DOF>().map(f64::from);
                         angles[j] += by;
-                        robot.frames_at(&angles)[DOF - 1]
+                        robot.frames_at(&angles).tip
                             * robot.body_from_flange
                             * robot.flange_from_grip
                     };

@@ -1,10 +1,13 @@
-//! Triangles of mesh files: STL, binary and ASCII, and OBJ.
+//! Triangles of mesh files: STL, binary and ASCII, OBJ and COLLADA.
 //!
-//! Only positions and faces are read; normals, colours and textures are ignored.
+//! Only positions and faces are read; normals, colours and textures are ignored. Of COLLADA the unit
+//! and the placement of geometry in the scene count, and the direction that it calls up does not, as
+//! in the viewers of ROS.
 
 use super::Result;
-use super::xml::{MAX_LENGTH, quoted};
+use super::xml::{MAX_LENGTH, decode_xml, quoted};
 use glamx::DVec3;
+use std::collections::BTreeSet;
 
 /// Corners of a triangle, metres.
 pub(super) type Triangle = [DVec3; 3];
@@ -43,8 +46,8 @@ pub(super) fn read(
     scale: DVec3,
     meshes: &MeshReader<'_>,
 ) -> Result<Vec<Triangle>, String> {
-    let parse =
-        parser(file).ok_or_else(|| format!("mesh {} is neither STL nor OBJ", quoted(file)))?;
+    let parse = parser(file)
+        .ok_or_else(|| format!("mesh {} is neither STL, OBJ nor COLLADA", quoted(file)))?;
     let bytes = meshes(file).ok_or_else(|| format!("there is no mesh {}", quoted(file)))?;
     let in_file = |message: String| format!("mesh {}: {message}", quoted(file));
     let mut triangles = parse(&bytes).map_err(in_file)?;
@@ -71,6 +74,7 @@ fn parser(file: &str) -> Option<Parser> {
     match ending.to_ascii_lowercase().as_str() {
         "stl" => Some(stl),
         "obj" => Some(obj),
+        "dae" => Some(collada),
         _ => None,
     }
 }
@@ -118,6 +122,48 @@ fn ascii_stl(text: &str) -> Result<Vec<Triangle>, String> {
         (triangles, []) => Ok(triangles.to_vec()),
         _ => Err(format!("{} corners do not make whole triangles", corners.len())),
     }
+}
+
+/// By `mesh-loader`, which places a geometry once: a file that shows one twice would lose a part. It
+/// applies the unit to corners but not to where they are placed, so that the unit is applied here.
+fn collada(bytes: &[u8]) -> Result<Vec<Triangle>, String> {
+    let mut text = decode_xml(bytes).map_err(|error| error.to_string())?;
+    let unit = take_unit(&mut text)?;
+    let document = roxmltree::Document::parse(&text).map_err(|error| error.to_string())?;
+    let mut shown = BTreeSet::new();
+    for node in document.descendants().filter(|it| it.tag_name().name() == "instance_geometry") {
+        let url = node.attribute("url").unwrap_or_default();
+        if !shown.insert(url) {
+            return Err(format!("geometry {} stands in the scene more than once", quoted(url)));
+        }
+    }
+    let scene = mesh_loader::collada::from_str(&text).map_err(|error| error.to_string())?;
+    let mut triangles = Vec::new();
+    for mesh in &scene.meshes {
+        let corner = |idx: u32| {
+            let corner = mesh.vertices.get(idx as usize)?;
+            Some(unit * DVec3::from_array(corner.map(f64::from)))
+        };
+        for &[a, b, c] in &mesh.faces {
+            let corners = corner(a).zip(corner(b)).zip(corner(c));
+            let ((a, b), c) =
+                corners.ok_or_else(|| "a face has a corner that there is not".to_owned())?;
+            triangles.push([a, b, c]);
+        }
+    }
+    Ok(triangles)
+}
+
+/// The unit of a COLLADA file in metres, which is 1 in the text from then on.
+fn take_unit(text: &mut String) -> Result<f64, String> {
+    let document = roxmltree::Document::parse(text).map_err(|error| error.to_string())?;
+    let unit = document.descendants().find(|it| it.tag_name().name() == "unit");
+    let Some(meter) = unit.and_then(|it| it.attribute_node("meter")) else { return Ok(1.0) };
+    let value = meter.value().trim().parse::<f64>().ok().filter(|it| it.is_finite() && *it > 0.0);
+    let value = value.ok_or_else(|| format!("unit {} is no length", quoted(meter.value())))?;
+    let range = meter.range_value();
+    text.replace_range(range, "1");
+    Ok(value)
 }
 
 /// The first three numbers of a line.
@@ -187,6 +233,38 @@ mod tests {
         bytes
     }
 
+    /// Two triangles in centimetres, placed 10 cm up.
+    const COLLADA: &str = r##"<?xml version="1.0"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><unit name="centimeter" meter="0.01"/><up_axis>Y_UP</up_axis></asset>
+<library_geometries><geometry id="g" name="g"><mesh>
+<source id="p"><float_array id="pa" count="12">0 0 0 100 0 0 0 100 0 0 0 100</float_array>
+<technique_common><accessor source="#pa" count="4" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
+<param name="Z" type="float"/></accessor></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+<triangles count="2"><input semantic="VERTEX" source="#v" offset="0"/><p>0 1 2 0 2 3</p></triangles>
+</mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s"><node id="n"><matrix>1 0 0 0 0 1 0 0 0 0 1 10 0 0 0 1</matrix>
+<instance_geometry url="#g"/></node></visual_scene></library_visual_scenes>
+<scene><instance_visual_scene url="#s"/></scene></COLLADA>"##;
+
+    #[test]
+    fn collada_is_read_in_its_unit_and_where_its_scene_puts_it() {
+        let found = read_bytes("a.DAE", COLLADA.as_bytes()).expect("two triangles");
+        let at = |x: f64, y: f64, z: f64| DVec3::new(x, y, z + 0.1);
+        let expected = [
+            [at(0.0, 0.0, 0.0), at(1.0, 0.0, 0.0), at(0.0, 1.0, 0.0)],
+            [at(0.0, 0.0, 0.0), at(0.0, 1.0, 0.0), at(0.0, 0.0, 1.0)],
+        ];
+        for (found, expected) in found.as_flattened().iter().zip(expected.as_flattened()) {
+            assert!(found.distance(*expected) < 1e-6, "{found} instead of {expected}");
+        }
+        assert_eq!(found.len(), 2);
+        let twice = COLLADA.replace("</node>", "<instance_geometry url=\"#g\"/></node>");
+        let error = read_bytes("a.dae", twice.as_bytes()).expect_err("a part would be lost");
+        assert!(error.contains("'#g' stands in the scene more than once"), "{error}");
+    }
+
     fn ascii_stl_of(triangles: &[Triangle]) -> Vec<u8> {
         let facet = |[a, b, c]: &Triangle| {
             let corners: String =
@@ -227,8 +305,9 @@ mod tests {
             let message = read_bytes(file, bytes).expect_err(expected);
             assert!(message.contains(expected) && message.contains(file), "{message}");
         };
-        check("a.dae", b"", "neither STL nor OBJ");
-        check("a", b"", "neither STL nor OBJ");
+        check("a.ply", b"", "neither STL, OBJ nor COLLADA");
+        check("a.dae", b"", "mesh 'a.dae'");
+        check("a", b"", "neither STL, OBJ nor COLLADA");
         check("a.stl", b"", "too few");
         check("a.stl", &[0; 100], "0 triangles announced");
         check("a.stl", &binary_stl(&[]), "no triangles");

@@ -1,7 +1,12 @@
 //! An arm: its joints and links, and what else is known of it.
 
-use super::{Error, GripperSpec, Joint, JointConfig, JointOrigin, JointRanges, Link, Result};
+use super::{
+    Error, Follower, GripperSpec, Joint, JointConfig, JointOrigin, JointRanges, Link, Result,
+};
+use crate::rng::Rng;
+use core::f32::consts::PI;
 use glamx::{DPose3, Vec2};
+use rand::RngExt as _;
 
 /// Number of joints of the built-in arms, and of every arm that learns.
 pub const DOF: usize = 7;
@@ -19,7 +24,7 @@ pub const HAND: usize = DOF + 1;
 /// carries, and its frame is the joint's after its motion:
 /// `world_from_body_i = world_from_body_(i-1) · parent_from_joint · M(q)` with `M = Rz` for a joint
 /// that turns and `M = Tz` for one that slides. A joint with another axis has the turn of its axis
-/// in the fixed transforms.
+/// in the fixed transforms. Joints that follow another ([`Follower`]) may stand in between.
 ///
 /// The frame that poses and curves are of is `grip`. Of a built-in arm it is between the finger
 /// pads, and the flange is that far behind it; of an arm from a file both are its tip:
@@ -52,6 +57,7 @@ pub const HAND: usize = DOF + 1;
 /// };
 /// let crane = Robot {
 ///     name: "crane".to_owned(),
+///     followers: Vec::new(),
 ///     joints: vec![joint("lift", 0.2, JointMotion::Slide), joint("turn", 0.1, JointMotion::Turn)],
 ///     body_from_flange: DPose3::translation(0.5, 0.0, 0.0),
 ///     flange_from_grip: DPose3::IDENTITY,
@@ -71,7 +77,10 @@ pub struct Robot {
     pub name: String,
     /// Joints from the base.
     pub joints: Vec<Joint>,
-    /// The flange in the frame of the last body.
+    /// Joints that move with another, between base and tip or beside; body `joints.len() + 1 + k` is
+    /// what follower `k` carries.
+    pub followers: Vec<Follower>,
+    /// The flange in the frame of the body that it is on: the last between base and tip.
     pub body_from_flange: DPose3,
     /// `grip` (between the pads, z approach, y opening) in the flange frame.
     pub flange_from_grip: DPose3,
@@ -120,7 +129,7 @@ impl Robot {
         self.joints.len()
     }
 
-    /// Lower and upper limit of every joint, radians or metres.
+    /// Lower and upper limit of every joint, radians or metres; infinite where it turns without end.
     #[must_use]
     pub fn limits(&self) -> JointRanges {
         self.joints.iter().map(|joint| (joint.lower, joint.upper)).collect()
@@ -130,6 +139,18 @@ impl Robot {
     #[must_use]
     pub fn middle(&self) -> JointConfig {
         middle_of(&self.joints)
+    }
+
+    /// A configuration anywhere within the limits; of a joint that turns without end, half a turn
+    /// either way.
+    #[must_use]
+    pub fn random_config(&self, rng: &mut Rng) -> JointConfig {
+        JointConfig::from_fn(self.dof(), |j| {
+            let joint = &self.joints[j];
+            let (lower, upper) =
+                if joint.is_continuous { (-PI, PI) } else { (joint.lower, joint.upper) };
+            lower + (upper - lower) * rng.random::<f32>()
+        })
     }
 
     /// True if the configuration has the arm's joints, each within its limits.
@@ -178,9 +199,13 @@ impl Robot {
     }
 }
 
-/// Every joint in the middle of its range.
+/// Every joint in the middle of its range; one that turns without end at 0.
 pub(super) fn middle_of(joints: &[Joint]) -> JointConfig {
-    JointConfig::from_fn(joints.len(), |j| 0.5 * joints[j].lower + 0.5 * joints[j].upper)
+    let middle = |joint: &Joint| match joint.is_continuous {
+        true => 0.0,
+        false => 0.5 * joint.lower + 0.5 * joint.upper,
+    };
+    JointConfig::from_fn(joints.len(), |j| middle(&joints[j]))
 }
 
 #[cfg(test)]

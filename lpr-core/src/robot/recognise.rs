@@ -28,7 +28,13 @@ impl Robot {
     /// ```
     #[must_use]
     pub fn as_built_in(&self) -> Option<Self> {
-        if self.dof() != DOF || self.joints.iter().any(|joint| joint.motion == JointMotion::Slide) {
+        if self.dof() != DOF
+            || !self.followers.is_empty()
+            || self
+                .joints
+                .iter()
+                .any(|joint| joint.motion == JointMotion::Slide || joint.is_continuous)
+        {
             return None;
         }
         ROBOTS.into_iter().find_map(|robot| {

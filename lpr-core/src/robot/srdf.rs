@@ -1,48 +1,70 @@
-//! The parts of an SRDF that a URDF lacks: which links are the arm's ends, and which pairs of links are never
-//! tested.
+//! The parts of an SRDF that a URDF lacks: groups of joints, and which pairs of links are tested.
+//! By name: what the URDF does not have is told where the names are looked up.
 
 use super::Result;
-use super::xml::{self, Node, attribute, children, fault, quoted};
-use std::collections::{BTreeMap, BTreeSet};
+use super::xml::{self, Node, attribute, children};
 
-/// The parts of an SRDF that are read, by indices of links.
-#[derive(Debug, Default, PartialEq, Eq)]
+/// The parts of an SRDF that are read.
+#[derive(Debug, Default, Clone, PartialEq, Eq)]
 pub(super) struct Semantics {
-    /// Base and tip of the first group that is a chain.
-    pub(super) ends: Option<(usize, usize)>,
-    /// Pairs of `disable_collisions`, the lower index first.
-    pub(super) disabled: BTreeSet<(usize, usize)>,
+    /// In the order of the file.
+    pub(super) groups: Vec<Group>,
+    /// Pairs of `disable_collisions`.
+    pub(super) disabled: Vec<Pair>,
+    /// Links of `disable_default_collisions`: no pair with them is tested unless it is enabled.
+    pub(super) disabled_by_default: Vec<String>,
+    /// Pairs of `enable_collisions`.
+    pub(super) enabled: Vec<Pair>,
+}
+
+/// Names of two links.
+pub(super) type Pair = [String; 2];
+
+/// A group of joints, by what the file lists in it.
+#[derive(Debug, Default, Clone, PartialEq, Eq)]
+pub(super) struct Group {
+    pub(super) name: String,
+    /// Base and tip of each `chain`.
+    pub(super) chains: Vec<Pair>,
+    pub(super) joints: Vec<String>,
+    /// Links, which stand for the joints that carry them.
+    pub(super) links: Vec<String>,
+    /// Names of other groups.
+    pub(super) subgroups: Vec<String>,
 }
 
 impl Semantics {
-    /// Every link that is named must be in the URDF.
-    pub(super) fn read(text: &str, link_by_name: &BTreeMap<String, usize>) -> Result<Self> {
-        let document = xml::parse("SRDF", text)?;
+    /// Reads the file. Names are checked where they are used.
+    pub(super) fn read(text: &str) -> Result<Self> {
+        let text = xml::with_prefixes(text);
+        let document = xml::parse("SRDF", &text)?;
         let robot = xml::robot("SRDF", &document)?;
-        let link = |node, name| link_of(node, name, link_by_name);
-        let mut ends = None;
-        for group in children(robot, "group") {
-            for node in children(group, "link") {
-                link(node, "name")?;
-            }
-            for chain in children(group, "chain") {
-                let found = (link(chain, "base_link")?, link(chain, "tip_link")?);
-                ends.get_or_insert(found);
-            }
-        }
-        let mut disabled = BTreeSet::new();
-        for node in children(robot, "disable_collisions") {
-            let (a, b) = (link(node, "link1")?, link(node, "link2")?);
-            disabled.insert((a.min(b), a.max(b)));
-        }
-        Ok(Self { ends, disabled })
+        let pairs = |tag| children(robot, tag).map(|node| pair(node, "link1", "link2"));
+        // A group that is mentioned within a state or an end effector is no definition.
+        Ok(Self {
+            groups: children(robot, "group").map(group).collect::<Result<_>>()?,
+            disabled: pairs("disable_collisions").collect::<Result<_>>()?,
+            disabled_by_default: names(robot, "disable_default_collisions", "link")?,
+            enabled: pairs("enable_collisions").collect::<Result<_>>()?,
+        })
     }
 }
 
-fn link_of(node: Node<'_>, name: &str, link_by_name: &BTreeMap<String, usize>) -> Result<usize> {
-    let link = attribute(node, name)?;
-    link_by_name
-        .get(link)
-        .copied()
-        .ok_or_else(|| fault(node, &format!("SRDF: the URDF has no link {}", quoted(link))))
+fn group(node: Node<'_>) -> Result<Group> {
+    let chains = children(node, "chain").map(|chain| pair(chain, "base_link", "tip_link"));
+    Ok(Group {
+        name: attribute(node, "name")?.to_owned(),
+        chains: chains.collect::<Result<_>>()?,
+        joints: names(node, "joint", "name")?,
+        links: names(node, "link", "name")?,
+        subgroups: names(node, "group", "name")?,
+    })
+}
+
+fn pair(node: Node<'_>, first: &str, second: &str) -> Result<Pair> {
+    Ok([attribute(node, first)?.to_owned(), attribute(node, second)?.to_owned()])
+}
+
+fn names(node: Node<'_>, tag: &str, name: &str) -> Result<Vec<String>> {
+    children(node, tag).map(|it| attribute(it, name).map(str::to_owned)).collect()
 }

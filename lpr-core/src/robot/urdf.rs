@@ -2,7 +2,8 @@
 //!
 //! The arm is the path of joints from a base to a tip; everything else hangs rigidly on it. Of a
 //! link only `<collision>` is read: spheres are used as they are, other geometry is covered by
-//! spheres (`robot/fit.rs`). Inertia, visual geometry, transmissions, safety controllers and macros
+//! spheres (`robot/fit.rs`). What moves with a joint of the arm moves (`robot/follower.rs`); all else
+//! keeps its place. Inertia, visual geometry, transmissions, safety controllers and macros
 //! are ignored, but for macros that were never expanded: those are an error.
 //!
 //! Conventions are those of the formats' documentation: `rpy` are fixed angles, an axis that is not
@@ -11,6 +12,8 @@
 mod description;
 #[cfg(test)]
 mod fuzz;
+mod groups;
+mod pairs;
 #[cfg(test)]
 mod tests;
 mod tree;
@@ -19,30 +22,66 @@ use super::link::{Link, moved};
 use super::mesh::MeshReader;
 use super::model::{Robot, middle_of};
 use super::srdf::Semantics;
-use super::{Error, JointOrigin, MAX_JOINTS, Result, fit, xml};
-use description::{Collision, Description, Drive, Mobility};
+use super::{Error, Follower, JointOrigin, MAX_JOINTS, Result, fit, xml};
+use description::{Collision, Description, Drive, Mobility, Shape};
 use glamx::{DPose3, DQuat, DVec3};
-use std::collections::BTreeSet;
 use tree::Tree;
 use xml::quoted;
 
 /// Most links with collision geometry: their pairs are listed.
 const MAX_SOLID_LINKS: usize = 500;
 
+/// What is asked of a description beside the URDF itself.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct UrdfOptions<'a> {
+    /// Text of the SRDF.
+    pub srdf: Option<&'a str>,
+    /// Name of the SRDF's group that is the arm.
+    pub group: Option<&'a str>,
+    /// Name of the link that is the tip.
+    pub tip: Option<&'a str>,
+    /// Keeps the limits that a continuous joint states beside, which are else ignored.
+    pub limit_continuous: bool,
+    /// Leaves the geometry out, for kinematics alone: no mesh is opened.
+    pub without_geometry: bool,
+    /// Leaves out the meshes that cannot be read, with a warning, instead of refusing.
+    pub ignore_missing_meshes: bool,
+}
+
+/// An arm from a description, and what else stands there.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Described {
+    /// The arm.
+    pub robot: Robot,
+    /// Name of the link that the arm stands on.
+    pub base: String,
+    /// Name of the link that is its tip.
+    pub tip: String,
+    /// What was left out, for reading.
+    pub warnings: Vec<String>,
+    /// Names of the links that carry no other, each with the number of joints between it and the root
+    /// that have a motor.
+    pub tips: Vec<(String, usize)>,
+    /// The SRDF's groups that are chains.
+    pub groups: Vec<GroupFound>,
+}
+
+/// A group of an SRDF that is a chain.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct GroupFound {
+    /// Its name.
+    pub name: String,
+    /// Name of the link on which it stands.
+    pub base: String,
+    /// Name of the link at its end.
+    pub tip: String,
+    /// Number of its joints that have a motor.
+    pub n_joints: usize,
+}
+
 impl Robot {
-    /// The arm of a URDF, with the allowed self-collisions of an SRDF.
-    ///
-    /// - The tip is `tip`, or that of the SRDF's first group that is a chain, or the one leaf with
-    ///   the most driven joints above it (which may be a finger: name the tip of an arm with a
-    ///   gripper). The base is that group's, or the root of the URDF.
-    /// - A continuous joint has the limits ±2π, and 1 rad/s if it states no velocity. Joints that
-    ///   are not between base and tip stay at 0, moved into their limits; those that mimic another,
-    ///   too.
-    /// - With an SRDF, the pairs that it disables are allowed; without one, those of neighbouring
-    ///   bodies. Pairs of one body, which cannot move against each other, always are. Only links
-    ///   with geometry are in pairs.
-    /// - `meshes` gives the bytes of a mesh by the file name that stands in the URDF; `.stl` and
-    ///   `.obj` are understood.
+    /// The arm of a URDF, with the allowed self-collisions of an SRDF: [`Self::describe`] for those
+    /// who want the arm alone.
     ///
     /// ```
     /// use lpr_core::robot::{Robot, JointConfig};
@@ -67,76 +106,193 @@ impl Robot {
     ///
     /// # Errors
     ///
-    /// [`Error::Robot`] with the element, its line and the link or joint it belongs to: XML that is
-    /// malformed or has macros in it, no or several roots, a loop, a link or mesh that is missing,
-    /// an unknown type or geometry, numbers that are not finite, too many or too few, limits that
-    /// are missing or contradict each other, no or more than [`MAX_JOINTS`] joints, one that floats or
-    /// mimics another between base and tip, and a tip that is not clear.
+    /// As [`Self::describe`].
     pub fn from_urdf(
         urdf: &str,
         srdf: Option<&str>,
         tip: Option<&str>,
         meshes: &MeshReader<'_>,
     ) -> Result<Self> {
-        let document = xml::parse("URDF", urdf)?;
-        let description = Description::read(xml::robot("URDF", &document)?, meshes)?;
-        let semantics =
-            srdf.map(|text| Semantics::read(text, &description.link_by_name)).transpose()?;
+        let options = UrdfOptions { srdf, tip, ..UrdfOptions::default() };
+        Ok(Self::describe(urdf, &options, meshes)?.robot)
+    }
+
+    /// The arm of a URDF, with what an SRDF says of it.
+    ///
+    /// - The tip is `tip`, or that of the SRDF's `group`, or that of its group with the most joints
+    ///   that is a chain, or the one leaf with the most driven joints above it (which may be a
+    ///   finger: name the tip of an arm with a gripper). The base is that group's, or the root of
+    ///   the URDF.
+    /// - A continuous joint has no limits, and 1 rad/s if it states no velocity. Joints that
+    ///   are not between base and tip stay at 0, moved into their limits, whatever else is said of
+    ///   them. A joint that mimics another moves with it: where that one is no joint of the arm, it
+    ///   stays, too.
+    /// - With an SRDF, the pairs that it disables are allowed; without one, those of neighbouring
+    ///   bodies. Pairs of one body, which cannot move against each other, always are. Only links
+    ///   with geometry are in pairs. Links of the SRDF that are not in the URDF are a warning.
+    /// - `meshes` gives the bytes of a mesh by the file name that stands in the URDF; `.stl`,
+    ///   `.obj` and `.dae` are understood.
+    ///
+    /// ```
+    /// use lpr_core::robot::{Robot, UrdfOptions};
+    ///
+    /// let urdf = r#"<robot name="r"><link name="a"/><link name="b"/>
+    ///   <joint name="j" type="continuous"><parent link="a"/><child link="b"/></joint></robot>"#;
+    /// let srdf = r#"<robot name="r"><group name="arm"><joint name="j"/></group>
+    ///   <disable_collisions link1="a" link2="hat"/></robot>"#;
+    /// let options = UrdfOptions { srdf: Some(srdf), group: Some("arm"), ..UrdfOptions::default() };
+    /// let found = Robot::describe(urdf, &options, &|_| None)?;
+    /// assert_eq!((found.robot.dof(), found.groups[0].tip.as_str()), (1, "b"));
+    /// assert!(found.warnings[0].contains("'hat'"));
+    /// # Ok::<(), lpr_core::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Robot`] with the element, its line and the link or joint it belongs to: XML that is
+    /// malformed or has macros in it, no or several roots, a loop, a link or mesh that is missing,
+    /// an unknown type or geometry, numbers that are not finite, too many or too few, limits between
+    /// base and tip that are missing or contradict each other, no or more than [`MAX_JOINTS`] joints
+    /// there, one that floats, and a tip or group that is not clear.
+    pub fn describe(
+        urdf: &str,
+        options: &UrdfOptions<'_>,
+        meshes: &MeshReader<'_>,
+    ) -> Result<Described> {
+        let urdf = xml::with_prefixes(urdf);
+        let document = xml::parse("URDF", &urdf)?;
+        let description =
+            Description::read(xml::robot("URDF", &document)?, options.limit_continuous)?;
         let tree = Tree::new(&description)?;
-        let ends = semantics.as_ref().and_then(|semantics| semantics.ends);
-        let tip = match (tip, ends) {
-            (Some(tip), _) => link_named(&description, tip)?,
-            (None, Some((_, tip))) => tip,
+        let semantics = options.srdf.map(Semantics::read).transpose()?.unwrap_or_default();
+        let chains = groups::chains(&description, &tree, &semantics);
+        let group = match options.group {
+            Some(name) => Some(groups::named(&description, &tree, &semantics, name)?),
+            None => groups::longest(&chains).cloned(),
+        };
+        let tip = match (options.tip, &group) {
+            (Some(tip), _) => link_named(&description, &tree, tip)?,
+            (None, Some(group)) => group.tip,
             (None, None) => tree.only_tip(&description)?,
         };
-        let base = ends.map_or(tree.root, |(base, _)| base);
+        // Another tip than the group's may hang beside its base.
+        let base = group.as_ref().map_or(tree.root, |group| group.base);
         let path = tree.path(&description, base, tip)?;
-        let drives = drives(&description, &path, tip)?;
-        let placed = Placed::new(&description, &tree, base, &drives);
-        let links = links(&description, &placed.places)?;
-        Ok(Self {
-            allowed_self_collisions: allowed_pairs(&links, semantics.as_ref()),
-            name: description.name,
+        let drives = drives(&description, &tree, &path, tip)?;
+        let placed = Placed::new(&description, &tree, base, &path, &drives);
+        let mut warnings = warnings_of(&description, &path);
+        let links = links(&description, &placed.places, options, meshes, &mut warnings)?;
+        let mut robot = Self {
+            allowed_self_collisions: Vec::new(),
+            name: description.name.clone(),
             start: middle_of(&placed.joints),
             joints: placed.joints,
+            followers: placed.followers,
             body_from_flange: placed.places[tip].body_from_link,
             flange_from_grip: DPose3::IDENTITY,
             links,
             gripper: None,
             workspace_center: None,
+        };
+        robot.allowed_self_collisions = pairs::allowed(
+            &robot,
+            options.srdf.map(|_| &semantics),
+            &description.link_by_name,
+            &mut warnings,
+        );
+        let name = |link: usize| description.links[link].name.clone();
+        let group = |chain: groups::Chain| GroupFound {
+            base: name(chain.base),
+            tip: name(chain.tip),
+            name: chain.name,
+            n_joints: chain.n_driven,
+        };
+        let tips = tree.tips(&description).into_iter().map(|(link, n)| (name(link), n));
+        Ok(Described {
+            robot,
+            base: name(base),
+            tip: name(tip),
+            warnings,
+            tips: tips.collect(),
+            groups: chains.into_iter().map(group).collect(),
         })
     }
 }
 
-fn link_named(description: &Description, name: &str) -> Result<usize> {
-    let found = description.link_by_name.get(name).copied();
-    found.ok_or_else(|| Error::Robot(format!("the tip {} is no link of the URDF", quoted(name))))
+/// What is amiss with joints and no reason to refuse the arm.
+fn warnings_of(description: &Description, path: &[usize]) -> Vec<String> {
+    let mut warnings = Vec::new();
+    for joint in path.iter().map(|&idx| &description.joints[idx]) {
+        if joint.lacks_velocity && matches!(joint.mobility, Mobility::Driven(_)) {
+            warnings.push(format!(
+                "joint {}: expected a velocity limit above 0, found none: 1 is taken",
+                quoted(&joint.name)
+            ));
+        }
+    }
+    let faults: Vec<String> = description
+        .joints
+        .iter()
+        .filter_map(|joint| Some(joint.fault.as_ref()?.to_string()))
+        .collect();
+    if let Some(first) = faults.first() {
+        let n = faults.len();
+        warnings.push(format!("{n} joints beside the arm stand still, the first: {first}"));
+    }
+    warnings
+}
+
+fn link_named(description: &Description, tree: &Tree, name: &str) -> Result<usize> {
+    description.link_by_name.get(name).copied().ok_or_else(|| {
+        let tips: Vec<usize> = tree.tips(description).iter().map(|(link, _)| *link).collect();
+        Error::Robot(format!(
+            "tip: expected a link of the URDF, as {}, found {}",
+            tree::listed(description, &tips),
+            quoted(name)
+        ))
+    })
 }
 
 /// The drives of the joints between base and tip, by index of the joint.
-fn drives(description: &Description, path: &[usize], tip: usize) -> Result<Vec<(usize, Drive)>> {
+fn drives(
+    description: &Description,
+    tree: &Tree,
+    path: &[usize],
+    tip: usize,
+) -> Result<Vec<(usize, Drive)>> {
     let mut drives = Vec::new();
     for &idx in path {
         let joint = &description.joints[idx];
-        let refused = |why| {
-            Err(Error::Robot(format!(
-                "joint {} stands between base and tip, but {why}",
-                quoted(&joint.name)
-            )))
-        };
-        match joint.mobility {
-            Mobility::Fixed => {}
-            Mobility::Driven(drive) => drives.push((idx, drive)),
-            Mobility::Mimic(_) => return refused("mimics another joint"),
-            Mobility::Free => return refused("moves in more than one direction"),
+        match (joint.mobility, &joint.fault) {
+            (_, Some(fault)) => return Err(fault.clone()),
+            (Mobility::Fixed, None) => {}
+            (Mobility::Driven(drive), None) => drives.push((idx, drive)),
+            (Mobility::Mimic(..), None) => {}
+            (Mobility::Free, None) => {
+                return Err(Error::Robot(format!(
+                    "joint {} stands between base and tip, but moves in more than one direction",
+                    quoted(&joint.name)
+                )));
+            }
         }
     }
-    let tip = quoted(&description.links[tip].name);
+    let name = quoted(&description.links[tip].name);
     match drives.len() {
-        0 => Err(Error::Robot(format!("no joint moves between the base and the tip {tip}"))),
+        0 => {
+            let moving = tree.tips(description).into_iter().filter(|(_, n_driven)| *n_driven > 0);
+            let moving: Vec<usize> = moving.map(|(link, _)| link).collect();
+            let others = if moving.is_empty() {
+                "no joint of the file moves".to_owned()
+            } else {
+                format!("tips that move are {}", tree::listed(description, &moving))
+            };
+            Err(Error::Robot(format!(
+                "no joint moves between the base and the tip {name}: {others}"
+            )))
+        }
         1..=MAX_JOINTS => Ok(drives),
         n => Err(Error::Robot(format!(
-            "{n} joints move between the base and the tip {tip}, at most {MAX_JOINTS} may: name another tip"
+            "{n} joints move between the base and the tip {name}, at most {MAX_JOINTS} may: name another tip"
         ))),
     }
 }
@@ -148,24 +304,32 @@ struct Place {
     body_from_link: DPose3,
 }
 
-/// The places of all links, and the joints between the bodies.
+/// The places of all links, and what moves the bodies.
 struct Placed {
     places: Vec<Place>,
     joints: Vec<super::Joint>,
+    followers: Vec<Follower>,
 }
 
 impl Placed {
     /// From the root downwards; the base's frame is that of body 0 wherever it is in the tree.
-    fn new(description: &Description, tree: &Tree, base: usize, drives: &[(usize, Drive)]) -> Self {
+    fn new(
+        description: &Description,
+        tree: &Tree,
+        base: usize,
+        path: &[usize],
+        drives: &[(usize, Drive)],
+    ) -> Self {
         let base_from_root = root_from(description, tree, base).inverse();
         let root = Place { body: 0, body_from_link: base_from_root };
-        let mut placed = Self { places: vec![root; tree.order.len()], joints: Vec::new() };
+        let mut placed = Self {
+            places: vec![root; tree.order.len()],
+            joints: Vec::new(),
+            followers: Vec::new(),
+        };
         for &link in &tree.order {
             if let Some(idx) = tree.joint_above[link] {
-                let joint = &description.joints[idx];
-                let drive =
-                    drives.iter().find(|(driven, _)| *driven == idx).map(|(_, drive)| drive);
-                placed.places[link] = placed.carry(joint, drive);
+                placed.places[link] = placed.carry(description, idx, path, drives);
             }
             if link == base {
                 // Exactly, however far it is from the root.
@@ -175,24 +339,60 @@ impl Placed {
         placed
     }
 
-    /// The place of what a joint carries; a joint of the arm begins a new body.
-    fn carry(&mut self, joint: &description::Joint, drive: Option<&Drive>) -> Place {
+    /// The place of what a joint carries; a joint of the arm, and one that follows it, begins a new
+    /// body.
+    fn carry(
+        &mut self,
+        description: &Description,
+        idx: usize,
+        path: &[usize],
+        drives: &[(usize, Drive)],
+    ) -> Place {
+        let joint = &description.joints[idx];
         let Place { body, body_from_link: body_from_parent } = self.places[joint.parent];
-        let Some(drive) = drive else {
-            return Place { body, body_from_link: body_from_parent * at_rest(joint) };
+        let of_arm = |idx: usize| drives.iter().position(|(driven, _)| *driven == idx);
+        let frame = |drive: &Drive| {
+            let link_from_body = DPose3::from_rotation(turn_of_z_to(drive.axis));
+            (body_from_parent * joint.parent_from_joint * link_from_body, link_from_body.inverse())
         };
-        let link_from_body = DPose3::from_rotation(turn_of_z_to(drive.axis));
-        self.joints.push(super::Joint {
-            name: joint.name.clone(),
-            origin: JointOrigin::Fixed(body_from_parent * joint.parent_from_joint * link_from_body),
-            motion: drive.motion,
-            lower: drive.lower,
-            upper: drive.upper,
-            is_continuous: drive.is_continuous,
-            max_velocity: drive.max_velocity,
-            max_acceleration: f32::INFINITY,
-        });
-        Place { body: self.joints.len(), body_from_link: link_from_body.inverse() }
+        match joint.mobility {
+            Mobility::Driven(drive) if of_arm(idx).is_some() => {
+                let (body_from_joint, body_from_link) = frame(&drive);
+                self.joints.push(super::Joint {
+                    name: joint.name.clone(),
+                    origin: JointOrigin::Fixed(body_from_joint),
+                    motion: drive.motion,
+                    lower: drive.lower,
+                    upper: drive.upper,
+                    is_continuous: drive.is_continuous,
+                    max_velocity: drive.max_velocity,
+                    max_acceleration: f32::INFINITY,
+                });
+                Place { body: self.joints.len(), body_from_link }
+            }
+            Mobility::Mimic(drive, mimic) => match of_arm(mimic.driver) {
+                Some(driver) => {
+                    let (parent_from_joint, body_from_link) = frame(&drive);
+                    self.followers.push(Follower {
+                        name: joint.name.clone(),
+                        parent: body,
+                        parent_from_joint,
+                        motion: drive.motion,
+                        joint: driver,
+                        multiplier: mimic.multiplier,
+                        offset: mimic.offset,
+                        is_in_chain: path.contains(&idx),
+                    });
+                    Place { body: drives.len() + self.followers.len(), body_from_link }
+                }
+                None => {
+                    Place { body, body_from_link: body_from_parent * at_rest(description, joint) }
+                }
+            },
+            Mobility::Driven(_) | Mobility::Fixed | Mobility::Free => {
+                Place { body, body_from_link: body_from_parent * at_rest(description, joint) }
+            }
+        }
     }
 }
 
@@ -200,25 +400,32 @@ impl Placed {
 fn root_from(description: &Description, tree: &Tree, mut link: usize) -> DPose3 {
     let mut root_from_link = DPose3::IDENTITY;
     while let Some(joint) = tree.joint_above[link].map(|idx| &description.joints[idx]) {
-        root_from_link = at_rest(joint) * root_from_link;
+        root_from_link = at_rest(description, joint) * root_from_link;
         link = joint.parent;
     }
     root_from_link
 }
 
-/// `parent_from_child` at position 0, moved into the limits.
-fn at_rest(joint: &description::Joint) -> DPose3 {
-    match joint.mobility {
-        Mobility::Driven(drive) | Mobility::Mimic(drive) => {
-            let joint_from_body = DPose3::from_rotation(turn_of_z_to(drive.axis));
-            let position = f64::from(0.0_f32.clamp(drive.lower, drive.upper));
-            joint.parent_from_joint
-                * joint_from_body
-                * drive.motion.transform(position)
-                * joint_from_body.inverse()
+/// `parent_from_child` at position 0, moved into the limits; of a joint that follows another, where
+/// it is then.
+fn at_rest(description: &Description, joint: &description::Joint) -> DPose3 {
+    let rest = |drive: Drive| f64::from(0.0_f32.clamp(drive.lower, drive.upper));
+    let (drive, position) = match joint.mobility {
+        Mobility::Driven(drive) => (drive, rest(drive)),
+        Mobility::Mimic(drive, mimic) => {
+            let driver = match description.joints[mimic.driver].mobility {
+                Mobility::Driven(driver) => rest(driver),
+                Mobility::Mimic(..) | Mobility::Fixed | Mobility::Free => 0.0,
+            };
+            (drive, mimic.multiplier * driver + mimic.offset)
         }
-        Mobility::Fixed | Mobility::Free => joint.parent_from_joint,
-    }
+        Mobility::Fixed | Mobility::Free => return joint.parent_from_joint,
+    };
+    let joint_from_body = DPose3::from_rotation(turn_of_z_to(drive.axis));
+    joint.parent_from_joint
+        * joint_from_body
+        * drive.motion.transform(position)
+        * joint_from_body.inverse()
 }
 
 /// The shortest rotation that takes z to `axis`, of length 1.
@@ -233,7 +440,13 @@ fn turn_of_z_to(axis: DVec3) -> DQuat {
     DQuat::from_xyzw(-axis.y / length, axis.x / length, 0.0, w / length)
 }
 
-fn links(description: &Description, places: &[Place]) -> Result<Vec<Link>> {
+fn links(
+    description: &Description,
+    places: &[Place],
+    options: &UrdfOptions<'_>,
+    meshes: &MeshReader<'_>,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<Link>> {
     let solid = description.links.iter().filter(|link| !link.collisions.is_empty());
     let n_solid = solid.clone().count();
     if let Some(link) = solid.clone().nth(MAX_SOLID_LINKS) {
@@ -242,7 +455,8 @@ fn links(description: &Description, places: &[Place]) -> Result<Vec<Link>> {
             "link {name}: {n_solid} links have collision geometry, at most {MAX_SOLID_LINKS} may"
         )));
     }
-    let link = |(link, place): (&description::Link, &Place)| {
+    let mut links = Vec::with_capacity(places.len());
+    for (link, place) in description.links.iter().zip(places) {
         let mut found = Link {
             name: link.name.clone(),
             body: place.body,
@@ -252,28 +466,27 @@ fn links(description: &Description, places: &[Place]) -> Result<Vec<Link>> {
             capsules: Vec::new(),
             overshoot: 0.0,
         };
-        for Collision { link_from_solid, solid } in &link.collisions {
-            let named = |message| Error::Robot(format!("link {}: {message}", quoted(&link.name)));
-            let cover = fit::cover(solid).map_err(named)?;
+        let named = |message| format!("link {}, {message}", quoted(&link.name));
+        for Collision { link_from_solid, shape } in &link.collisions {
+            if options.without_geometry {
+                break;
+            }
+            let cover = match shape {
+                Shape::Solid(solid) => fit::cover(solid),
+                Shape::Mesh(mesh) => mesh.read(meshes).and_then(|solid| fit::cover(&solid)),
+            };
+            let cover = match cover {
+                Ok(cover) => cover,
+                Err(reason) if options.ignore_missing_meshes => {
+                    warnings.push(named(format!("{reason}: it is left out")));
+                    continue;
+                }
+                Err(reason) => return Err(Error::Robot(named(reason))),
+            };
             found.spheres.extend(moved(&cover.spheres, &(place.body_from_link * *link_from_solid)));
             found.overshoot = found.overshoot.max(cover.overshoot);
         }
-        Ok(found)
-    };
-    description.links.iter().zip(places).map(link).collect()
-}
-
-fn allowed_pairs(links: &[Link], semantics: Option<&Semantics>) -> Vec<(usize, usize)> {
-    let solid: Vec<usize> =
-        (0..links.len()).filter(|&link| !links[link].spheres.is_empty()).collect();
-    let max_apart = if semantics.is_some() { 0 } else { 1 };
-    let near = |&(a, b): &(usize, usize)| links[a].body.abs_diff(links[b].body) <= max_apart;
-    let pairs =
-        solid.iter().enumerate().flat_map(|(i, &a)| solid[i + 1..].iter().map(move |&b| (a, b)));
-    let disabled = semantics.into_iter().flat_map(|semantics| semantics.disabled.iter().copied());
-    let is_pair = |&(a, b): &(usize, usize)| {
-        a != b && solid.binary_search(&a).is_ok() && solid.binary_search(&b).is_ok()
-    };
-    let allowed: BTreeSet<_> = pairs.filter(near).chain(disabled.filter(is_pair)).collect();
-    allowed.into_iter().collect()
+        links.push(found);
+    }
+    Ok(links)
 }

@@ -2,12 +2,18 @@
 
 use super::primitive::length;
 use crate::error::{Error, Result};
-use crate::robot::{Joint, JointConfig, JointMotion, JointRanges, Link, MAX_JOINTS, Robot, Sphere};
+use crate::robot::{JointConfig, JointMotion, JointRanges, Link, MAX_JOINTS, Move, Robot, Sphere};
 use fearless_simd::Level;
 use glamx::{DVec3, Mat3, Pose3, Vec3};
 
+/// Most joints that follow others.
+pub(super) const MAX_FOLLOWERS: usize = 15;
+
 /// Most links with spheres.
-pub const MAX_LINKS: usize = 32;
+pub const MAX_LINKS: usize = 64;
+
+/// A bit for each link.
+pub(super) type LinkBits = u64;
 
 /// Most spheres of a cluster.
 pub(super) const CLUSTER: usize = 4;
@@ -34,8 +40,12 @@ const QUARTER_TURN_SLACK: f64 = 1e-5;
 #[derive(Debug, Clone)]
 pub struct ArmSpheres {
     pub(crate) level: Level,
-    pub(super) joints: Vec<JointFrame>,
-    /// The tip in the frame of what the last joint carries.
+    /// All that moves, each after what it stands on.
+    pub(super) moves: Vec<MovingFrame>,
+    dof: usize,
+    /// Index of the body that the tip is on.
+    tip_body: usize,
+    /// The tip in the frame of its body.
     body_from_flange: Pose3,
     limits: JointRanges,
     /// From the tip inwards: what sticks out furthest hits first.
@@ -48,7 +58,9 @@ pub struct ArmSpheres {
 #[derive(Debug, Clone)]
 pub(super) struct LinkSpheres {
     name: String,
-    /// 0: fixed to the base; i: carried by joint i.
+    /// Index among the links of the robot; of what it holds, none of them.
+    index: usize,
+    /// 0: fixed to the base; i: carried by joint i, or a follower.
     pub(super) body: usize,
     /// Which cloud it is tested against.
     pub(super) part: ArmPart,
@@ -74,9 +86,17 @@ pub(super) enum ArmPart {
     Hand,
 }
 
-/// A joint's frame in the body before it, in f32; the joint moves about or along its z.
+/// A joint's frame in the body that it stands on, in f32; the joint moves about or along its z.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct JointFrame {
+pub(super) struct MovingFrame {
+    /// Body that it stands on.
+    pub(super) parent: usize,
+    /// Body that it carries.
+    pub(super) body: usize,
+    /// Joint whose position counts.
+    pub(super) joint: usize,
+    /// Multiplier and offset of a joint that follows that one.
+    pub(super) follows: Option<(f32, f32)>,
     pub(super) rotation: Rotation,
     pub(super) translation: Vec3,
     pub(super) motion: JointMotion,
@@ -140,11 +160,13 @@ impl ArmSpheres {
         };
         Ok(Self {
             level: Level::new(),
-            joints: chain.joints.iter().map(JointFrame::new).collect(),
+            moves: chain.moves().iter().map(|step| MovingFrame::new(chain, step)).collect(),
+            dof: chain.dof(),
+            tip_body: chain.tip_body(),
             body_from_flange: Pose3::from(chain.body_from_flange),
             limits: chain.limits(),
             self_pairs: pairs(order.len()).filter(is_tested).collect(),
-            links: order.iter().map(|&i| LinkSpheres::of(&chain.links[i])).collect(),
+            links: order.iter().map(|&i| LinkSpheres::of(&chain.links[i], i)).collect(),
         })
     }
 
@@ -194,7 +216,7 @@ impl ArmSpheres {
             |s: &Sphere| Sphere { center: self.body_from_flange * s.center, radius: s.radius };
         let object = arm.links.len();
         let spheres = spheres.iter().map(moved).collect();
-        arm.links.push(LinkSpheres::new("attached", self.joints.len(), ArmPart::Hand, spheres));
+        arm.links.push(LinkSpheres::new("attached", self.tip_body, ArmPart::Hand, spheres));
         let tested =
             (0..object).filter(|&link| !touching.contains(&self.links[link].name.as_str()));
         arm.self_pairs.extend(tested.map(|link| (link, object)));
@@ -202,12 +224,22 @@ impl ArmSpheres {
     }
 
     /// The bits of the links of that name, for [`super::Scene::allow_contact`].
-    pub(super) fn link_bits(&self, name: &str) -> u32 {
+    pub(super) fn link_bits(&self, name: &str) -> LinkBits {
         self.links
             .iter()
             .enumerate()
             .filter(|(_, link)| link.name == name)
             .fold(0, |bits, (idx, _)| bits | (1 << idx))
+    }
+
+    /// Pairs of links that are tested against each other.
+    pub(super) fn self_pairs(&self) -> &[(usize, usize)] {
+        &self.self_pairs
+    }
+
+    /// A link by its place here.
+    pub(super) fn link(&self, idx: usize) -> &LinkSpheres {
+        &self.links[idx]
     }
 
     /// Lower and upper limit of every joint, radians or metres.
@@ -225,15 +257,35 @@ impl ArmSpheres {
 
     /// True if the configuration has as many joints as the arm.
     pub(super) fn has_joints_of(&self, config: &JointConfig) -> bool {
-        config.dof() == self.joints.len()
+        config.dof() == self.dof
+    }
+
+    /// What carries a body; none of the base.
+    pub(super) fn carrier(&self, body: usize) -> Option<&MovingFrame> {
+        // Of a serial arm at its own place.
+        let likely = body.checked_sub(1).and_then(|at| self.moves.get(at));
+        likely
+            .filter(|step| step.body == body)
+            .or_else(|| self.moves.iter().find(|step| step.body == body))
+    }
+
+    /// Number of joints that have a motor.
+    pub(super) const fn dof(&self) -> usize {
+        self.dof
+    }
+
+    /// True if as many bodies as joints, and the base, are all that there is.
+    pub(super) fn is_serial(&self) -> bool {
+        self.moves.len() == self.dof
     }
 
     /// Frames of the base and of what every joint carries, in f32: quicker than
     /// [`Robot::link_frames`] and within a few micrometres of it.
     pub(super) fn frames(&self, config: &JointConfig) -> Vec<Frame> {
-        let mut frames = vec![Frame::IDENTITY];
-        for (joint, q) in self.joints.iter().zip(&config.to_array::<MAX_JOINTS>()) {
-            frames.push(frames[frames.len() - 1].after(joint, *q));
+        let config = config.to_array::<MAX_JOINTS>();
+        let mut frames = vec![Frame::IDENTITY; self.moves.len() + 1];
+        for step in &self.moves {
+            frames[step.body] = frames[step.parent].after(step, step.position(config[step.joint]));
         }
         frames
     }
@@ -264,12 +316,22 @@ impl LinkSpheres {
         let bound = bound(&spheres);
         let mut clusters = Vec::new();
         split(spheres, &mut clusters);
-        Self { name: name.to_owned(), body, part, bound, clusters }
+        Self { name: name.to_owned(), index: usize::MAX, body, part, bound, clusters }
     }
 
-    fn of(link: &Link) -> Self {
+    fn of(link: &Link, index: usize) -> Self {
         let part = if link.body == 0 { ArmPart::Base } else { ArmPart::Arm };
-        Self::new(&link.name, link.body, part, link.spheres_in_body())
+        Self { index, ..Self::new(&link.name, link.body, part, link.spheres_in_body()) }
+    }
+
+    /// Name of the link.
+    pub(super) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Index among the links of the robot.
+    pub(super) const fn index(&self) -> usize {
+        self.index
     }
 }
 
@@ -288,16 +350,32 @@ fn check_description(chain: &Robot) -> Result<()> {
     if chain.dof() > MAX_JOINTS {
         return fault(format!("{} joints, at most {MAX_JOINTS} may be", chain.dof()));
     }
+    if chain.followers.len() > MAX_FOLLOWERS {
+        let n = chain.followers.len();
+        return fault(format!("{n} joints follow others, at most {MAX_FOLLOWERS} may"));
+    }
     if let Some(joint) = chain.joints.iter().find(|joint| !joint.parent_from_joint().is_finite()) {
         return fault(format!("joint {}: its frame is not finite", joint.name));
     }
+    for (k, follower) in chain.followers.iter().enumerate() {
+        let numbers = [follower.multiplier, follower.offset];
+        if !(follower.parent_from_joint.is_finite() && numbers.iter().all(|x| x.is_finite())) {
+            return fault(format!("joint {}: its frame or motion is not finite", follower.name));
+        }
+        if follower.joint >= chain.dof() || follower.parent > chain.dof() + k {
+            return fault(format!(
+                "joint {}: what it follows or stands on does not come before it",
+                follower.name
+            ));
+        }
+    }
     for link in &chain.links {
-        if link.body > chain.dof() {
+        if link.body >= chain.n_bodies() {
             return fault(format!(
                 "link {}: is on body {}, the last is {}",
                 link.name,
                 link.body,
-                chain.dof()
+                chain.n_bodies() - 1
             ));
         }
         if let Some(sphere) = link.spheres.iter().find(|sphere| is_broken(sphere)) {
@@ -348,9 +426,14 @@ fn bound(spheres: &[Sphere]) -> Sphere {
     Sphere { center, radius }
 }
 
-impl JointFrame {
-    fn new(joint: &Joint) -> Self {
-        let pose = joint.parent_from_joint();
+impl MovingFrame {
+    fn new(robot: &Robot, step: &Move<'_>) -> Self {
+        let Move { parent, body, joint, follower, .. } = *step;
+        let (pose, motion) = match follower {
+            Some(follower) => (follower.parent_from_joint, follower.motion),
+            None => (robot.joints[joint].parent_from_joint(), robot.joints[joint].motion),
+        };
+        let follows = follower.map(|it| (it.multiplier as f32, it.offset as f32));
         let columns = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| pose.rotation * axis);
         let quarter = |column: DVec3| {
             let axis = column
@@ -367,7 +450,13 @@ impl JointFrame {
                 columns[2].as_vec3(),
             )),
         };
-        Self { rotation, translation: pose.translation.as_vec3(), motion: joint.motion }
+        let translation = pose.translation.as_vec3();
+        Self { parent, body, joint, follows, rotation, translation, motion }
+    }
+
+    /// Its position where its joint is at `q`.
+    fn position(&self, q: f32) -> f32 {
+        self.follows.map_or(q, |(multiplier, offset)| multiplier * q + offset)
     }
 }
 
@@ -393,7 +482,7 @@ impl Frame {
     }
 
     /// The frame of the joint that follows, turned by `q`.
-    fn after(&self, joint: &JointFrame, q: f32) -> Self {
+    fn after(&self, joint: &MovingFrame, q: f32) -> Self {
         let [x, y, z] = match joint.rotation {
             Rotation::QuarterTurns(turns) => turns.map(|(axis, sign)| self.axes[axis] * sign),
             Rotation::General(rotation) => {

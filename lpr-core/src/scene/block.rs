@@ -3,7 +3,9 @@
 //! Forward kinematics and checks run together. A link's bounding sphere is tested before its
 //! spheres, the hand before the links behind it, and the first hit in any lane ends the check.
 
-use super::arm_spheres::{ArmPart, ArmSpheres, CLUSTER, Cluster, LinkSpheres, MAX_LINKS, Rotation};
+use super::arm_spheres::{
+    ArmPart, ArmSpheres, CLUSTER, Cluster, LinkSpheres, MAX_FOLLOWERS, MAX_LINKS, Rotation,
+};
 use super::contents::Scene;
 use super::frames::{Frames, MAX_WIDTH};
 use crate::lanes::{Floats, Vec3s, sincos};
@@ -62,19 +64,20 @@ pub(super) fn motion_is_free(scene: &Scene, arm: &ArmSpheres, motion: Sampled<'_
     let motion =
         Sampled { n_steps: motion.n_steps.clamp(1, MAX_STEPS).next_multiple_of(BLOCK), ..motion };
     // Arrays of the built-in arms' size stay as small as they can be.
-    if arm.joints.len() <= DOF {
-        dispatch!(arm.level, simd => rake::<_, DOF, { DOF + 1 }>(simd, scene, arm, motion))
+    if arm.dof() <= DOF && arm.is_serial() {
+        dispatch!(arm.level, simd => rake::<_, DOF, { DOF + 1 }, true>(simd, scene, arm, motion))
     } else {
         dispatch!(arm.level, simd => {
-            rake::<_, MAX_JOINTS, { MAX_JOINTS + 1 }>(simd, scene, arm, motion)
+            rake::<_, MAX_JOINTS, { 1 + MAX_JOINTS + MAX_FOLLOWERS }, false>(simd, scene, arm, motion)
         })
     }
 }
 
 /// Lanes are spread evenly over the motion and step back together: a collision anywhere shows
-/// early. `J` is the most joints and `B = J + 1` the most bodies.
+/// early. `J` is the most joints and `B` the most bodies; `IS_SERIAL` if each joint stands on the one
+/// before.
 #[inline(always)]
-fn rake<S: Simd, const J: usize, const B: usize>(
+fn rake<S: Simd, const J: usize, const B: usize, const IS_SERIAL: bool>(
     simd: S,
     scene: &Scene,
     arm: &ArmSpheres,
@@ -90,7 +93,7 @@ fn rake<S: Simd, const J: usize, const B: usize>(
         for j in 0..J {
             q[j] = fraction * (b[j] - a[j]) + a[j];
         }
-        if !block_is_free::<S, J, B>(simd, scene, arm, &q) {
+        if !block_is_free::<S, J, B, IS_SERIAL>(simd, scene, arm, &q) {
             return Checked { is_free: false, n_checks: ((step + 1) * width).min(n) as u64 };
         }
     }
@@ -109,14 +112,14 @@ fn fractions<S: Simd>(simd: S, stride: usize, step: usize, n: usize, looks: Look
 }
 
 #[inline(always)]
-fn block_is_free<S: Simd, const J: usize, const B: usize>(
+fn block_is_free<S: Simd, const J: usize, const B: usize, const IS_SERIAL: bool>(
     simd: S,
     scene: &Scene,
     arm: &ArmSpheres,
     q: &[Floats<S>; J],
 ) -> bool {
     let mut frames = [Frames::identity(simd); B];
-    forward_kinematics(simd, arm, q, &mut frames);
+    forward_kinematics::<S, J, B, IS_SERIAL>(simd, arm, q, &mut frames);
     let mut bounds = ArrayVec::<Vec3s<S>, MAX_LINKS>::new();
     for (idx, link) in arm.links.iter().enumerate() {
         let frame = &frames[link.body];
@@ -212,16 +215,22 @@ fn overlap<S: Simd>(a: Vec3s<S>, radius_a: f32, b: Vec3s<S>, radius_b: f32) -> b
     a.sub(b).length_squared().simd_lt(reach * reach).any_true()
 }
 
-/// Frames of what every joint carries; the first, of the base, is left as it is.
+/// Frames of all that moves; the first, of the base, is left as it is.
 #[inline(always)]
-fn forward_kinematics<S: Simd, const J: usize, const B: usize>(
+fn forward_kinematics<S: Simd, const J: usize, const B: usize, const IS_SERIAL: bool>(
     simd: S,
     arm: &ArmSpheres,
     q: &[Floats<S>; J],
     frames: &mut [Frames<S>; B],
 ) {
-    for (j, joint) in arm.joints.iter().enumerate() {
-        let at = &frames[j];
+    for (j, joint) in arm.moves.iter().enumerate() {
+        let (parent, body) = if IS_SERIAL { (j, j + 1) } else { (joint.parent, joint.body) };
+        let at = &frames[parent];
+        let q = match joint.follows {
+            _ if IS_SERIAL => q[j],
+            None => q[joint.joint],
+            Some((multiplier, offset)) => q[joint.joint] * multiplier + offset,
+        };
         let [x, y, z] = match &joint.rotation {
             Rotation::QuarterTurns(turns) => {
                 [at.along(turns[0]), at.along(turns[1]), at.along(turns[2])]
@@ -231,10 +240,10 @@ fn forward_kinematics<S: Simd, const J: usize, const B: usize>(
             }
         };
         let origin = at.offset(joint.translation);
-        frames[j + 1] = match joint.motion {
-            JointMotion::Slide => Frames { axes: [x, y, z], origin: origin.add(z.scaled(q[j])) },
+        frames[body] = match joint.motion {
+            JointMotion::Slide => Frames { axes: [x, y, z], origin: origin.add(z.scaled(q)) },
             JointMotion::Turn => {
-                let (sin, cos) = sincos(simd, q[j]);
+                let (sin, cos) = sincos(simd, q);
                 Frames {
                     axes: [x.scaled(cos).add(y.scaled(sin)), y.scaled(cos).sub(x.scaled(sin)), z],
                     origin,

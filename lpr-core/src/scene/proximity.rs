@@ -44,8 +44,28 @@ struct Nearest {
     gap: SignedDistance,
 }
 
+/// A gap of a link, the nearest points of both, and how each moves that widens it.
+pub(super) struct Gap<'a> {
+    pub(super) link: &'a LinkSpheres,
+    pub(super) near: Near<'a>,
+    /// Metres; negative when they overlap.
+    pub(super) distance: f32,
+    center: Vec3,
+    normal: Vec3,
+    /// Of the other link.
+    other_center: Vec3,
+}
+
+/// What a link is near to.
+#[derive(Clone, Copy)]
+pub(super) enum Near<'a> {
+    Link(&'a LinkSpheres),
+    Solid(&'a Primitive),
+    Points,
+}
+
 /// The arm at a configuration.
-struct Placed<'a> {
+pub(super) struct Placed<'a> {
     arm: &'a ArmSpheres,
     frames: Vec<Frame>,
 }
@@ -60,34 +80,62 @@ impl Scene {
         config: &JointConfig,
         reach: f32,
     ) -> Vec<Proximity> {
-        let placed = Placed { arm, frames: arm.frames(config) };
-        let mut found = Vec::new();
-        for (idx, link) in arm.links.iter().enumerate() {
+        let placed = Placed::new(arm, config);
+        self.nearest(&placed, reach).map(|gap| placed.proximity(&gap)).collect()
+    }
+
+    /// The gaps below `reach`, metres.
+    pub(super) fn nearest<'a>(
+        &'a self,
+        placed: &'a Placed<'a>,
+        reach: f32,
+    ) -> impl Iterator<Item = Gap<'a>> {
+        let arm = placed.arm;
+        let to_scene = arm.links.iter().enumerate().filter_map(move |(idx, link)| {
             let points = match link.part {
-                ArmPart::Base => continue,
+                ArmPart::Base => return None,
                 ArmPart::Arm => &self.arm_points,
                 ArmPart::Hand => &self.hand_points,
             };
-            let from_solids = self
-                .solids
-                .forbidden(1 << idx)
-                .filter_map(|solid| placed.nearest_to_solid(link, solid, reach));
+            let from_solids = self.solids.forbidden(1 << idx).filter_map(move |solid| {
+                Some((placed.nearest_to_solid(link, solid, reach)?, Near::Solid(solid)))
+            });
             let from_points = placed.nearest_to_points(link, points, reach);
-            let nearest = from_solids.chain(from_points);
-            found.extend(nearest.map(|near| {
-                placed.proximity(near.gap.distance, &[(link, near.center, near.gap.normal)])
-            }));
-        }
-        found.extend(
-            arm.self_pairs
-                .iter()
-                .filter_map(|&(a, b)| placed.between(&arm.links[a], &arm.links[b], reach)),
-        );
-        found
+            let nearest = from_solids.chain(from_points.map(|near| (near, Near::Points)));
+            Some(nearest.map(move |(it, near)| Gap {
+                link,
+                near,
+                distance: it.gap.distance,
+                center: it.center,
+                normal: it.gap.normal,
+                other_center: Vec3::ZERO,
+            }))
+        });
+        let to_itself = arm.self_pairs.iter();
+        let to_itself = to_itself
+            .filter_map(move |&(a, b)| placed.between(&arm.links[a], &arm.links[b], reach));
+        to_scene.flatten().chain(to_itself)
     }
 }
 
-impl Placed<'_> {
+impl<'a> Placed<'a> {
+    pub(super) fn new(arm: &'a ArmSpheres, config: &JointConfig) -> Self {
+        Self { arm, frames: arm.frames(config) }
+    }
+
+    /// True if two links touch.
+    pub(super) fn touch(&self, a: &LinkSpheres, b: &LinkSpheres) -> bool {
+        let (bound_a, bound_b) = (self.place(a, &a.bound), self.place(b, &b.bound));
+        let overlap = |a: &Sphere, b: &Sphere| length(a.center - b.center) < a.radius + b.radius;
+        if !overlap(&bound_a, &bound_b) {
+            return false;
+        }
+        let near_b = self.spheres(a).filter(|sphere| overlap(sphere, &bound_b));
+        let others: Vec<Sphere> =
+            self.spheres(b).filter(|sphere| overlap(sphere, &bound_a)).collect();
+        near_b.into_iter().any(|sphere| others.iter().any(|other| overlap(&sphere, other)))
+    }
+
     fn place(&self, link: &LinkSpheres, sphere: &Sphere) -> Sphere {
         Sphere { center: self.frames[link.body].point(sphere.center), radius: sphere.radius }
     }
@@ -139,7 +187,7 @@ impl Placed<'_> {
         gaps.min_by(|a, b| a.gap.distance.total_cmp(&b.gap.distance))
     }
 
-    fn between(&self, a: &LinkSpheres, b: &LinkSpheres, reach: f32) -> Option<Proximity> {
+    fn between(&self, a: &'a LinkSpheres, b: &'a LinkSpheres, reach: f32) -> Option<Gap<'a>> {
         let (bound_a, bound_b) = (self.place(a, &a.bound), self.place(b, &b.bound));
         if length(bound_a.center - bound_b.center) >= bound_a.radius + bound_b.radius + reach {
             return None;
@@ -154,26 +202,50 @@ impl Placed<'_> {
             );
             (gap, sphere.center, other.center)
         });
-        let (gap, center_a, center_b) =
+        let (gap, center, other_center) =
             gaps.min_by(|(a, ..), (b, ..)| a.distance.total_cmp(&b.distance))?;
-        let moving = [(a, center_a, gap.normal), (b, center_b, -gap.normal)];
-        (gap.distance < reach).then(|| self.proximity(gap.distance, &moving))
+        (gap.distance < reach).then_some(Gap {
+            link: a,
+            near: Near::Link(b),
+            distance: gap.distance,
+            center,
+            normal: gap.normal,
+            other_center,
+        })
     }
 
-    /// A gap between points of links, each with the direction of its motion that widens the gap.
-    fn proximity(&self, distance: f32, moving: &[(&LinkSpheres, Vec3, Vec3)]) -> Proximity {
-        let mut gradient = JointConfig::from_fn(self.arm.joints.len(), |_| 0.0);
-        for (link, point, normal) in moving {
-            for (j, joint) in self.arm.joints.iter().enumerate().take(link.body) {
-                let frame = &self.frames[j + 1];
-                let velocity = match joint.motion {
-                    JointMotion::Slide => frame.axis(),
-                    JointMotion::Turn => frame.axis().cross(*point - frame.origin()),
-                };
-                gradient[j] += normal.dot(velocity);
-            }
+    /// The gap with its gradient.
+    fn proximity(&self, gap: &Gap<'_>) -> Proximity {
+        let mut gradient = JointConfig::from_fn(self.arm.dof(), |_| 0.0);
+        self.add_motion(gap.link, gap.center, gap.normal, &mut gradient);
+        if let Near::Link(other) = gap.near {
+            self.add_motion(other, gap.other_center, -gap.normal, &mut gradient);
         }
-        Proximity { distance, gradient }
+        Proximity { distance: gap.distance, gradient }
+    }
+
+    /// Adds the motion of a point of a link along `normal`, by every joint that carries it.
+    fn add_motion(
+        &self,
+        link: &LinkSpheres,
+        point: Vec3,
+        normal: Vec3,
+        gradient: &mut JointConfig,
+    ) {
+        // From the base outwards.
+        let mut bodies = vec![link.body];
+        while let Some(step) = self.arm.carrier(bodies[bodies.len() - 1]) {
+            bodies.push(step.parent);
+        }
+        for step in bodies.iter().rev().filter_map(|body| self.arm.carrier(*body)) {
+            let frame = &self.frames[step.body];
+            let velocity = match step.motion {
+                JointMotion::Slide => frame.axis(),
+                JointMotion::Turn => frame.axis().cross(point - frame.origin()),
+            };
+            let along = normal.dot(velocity);
+            gradient[step.joint] += step.follows.map_or(along, |(factor, _)| factor * along);
+        }
     }
 }
 

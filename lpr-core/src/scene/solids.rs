@@ -1,6 +1,6 @@
 //! Primitives prepared for checks: which of many a ball meets, for every lane at once.
 
-use super::arm_spheres::LinkSpheres;
+use super::arm_spheres::{LinkBits, LinkSpheres};
 use super::frames::Frames;
 use super::primitive::{Face, Primitive};
 use crate::lanes::Vec3s;
@@ -15,7 +15,7 @@ const UPRIGHT_SLACK: f32 = 1e-6;
 pub(super) struct Solids {
     primitives: Vec<Primitive>,
     /// Bits of the links that may touch each primitive, as in its tag.
-    allowed: Vec<u32>,
+    allowed: Vec<LinkBits>,
     balls: Vec<Ball>,
     upright_boxes: Vec<UprightBox>,
     boxes: Vec<OrientedBox>,
@@ -32,7 +32,7 @@ struct Tag {
     /// Distance of the nearest point from the origin of the world, metres.
     nearest: f32,
     /// Bits of the links that may touch it.
-    allowed: u32,
+    allowed: LinkBits,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -159,7 +159,7 @@ impl Solids {
     }
 
     /// Lets the links of `bits` touch a primitive.
-    pub(super) fn allow(&mut self, primitive: usize, bits: u32) {
+    pub(super) fn allow(&mut self, primitive: usize, bits: LinkBits) {
         let tags = self.balls.iter_mut().map(|solid| &mut solid.tag);
         let tags = tags.chain(self.upright_boxes.iter_mut().map(|solid| &mut solid.tag));
         let tags = tags.chain(self.boxes.iter_mut().map(|solid| &mut solid.tag));
@@ -176,7 +176,7 @@ impl Solids {
     }
 
     /// The solids that the link of `bit` must not touch.
-    pub(super) fn forbidden(&self, bit: u32) -> impl Iterator<Item = &Primitive> {
+    pub(super) fn forbidden(&self, bit: LinkBits) -> impl Iterator<Item = &Primitive> {
         self.primitives
             .iter()
             .zip(&self.allowed)
@@ -191,7 +191,7 @@ impl Solids {
     #[inline(always)]
     pub(super) fn meet<S: Simd>(
         &self,
-        bit: u32,
+        bit: LinkBits,
         link: &LinkSpheres,
         frame: &Frames<S>,
         bound: Vec3s<S>,

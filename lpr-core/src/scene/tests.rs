@@ -87,6 +87,7 @@ fn gantry(radius: f32) -> ArmSpheres {
     let chain = Robot {
         name: "gantry".to_owned(),
         joints: axes.map(slide).to_vec(),
+        followers: Vec::new(),
         body_from_flange: DPose3::IDENTITY,
         flange_from_grip: DPose3::IDENTITY,
         links: vec![ball],
@@ -300,7 +301,12 @@ fn an_arm_of_too_many_links_is_refused() {
     let mut chain = stick_arm().described();
     let link = chain.links[1].clone();
     chain.links.extend((0..MAX_LINKS).map(|_| link.clone()));
-    assert!(ArmSpheres::from_description(&chain).unwrap_err().to_string().contains("at most 32"));
+    assert!(
+        ArmSpheres::from_description(&chain)
+            .unwrap_err()
+            .to_string()
+            .contains(&format!("at most {MAX_LINKS}"))
+    );
 }
 
 #[test]

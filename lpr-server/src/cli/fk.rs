@@ -1,6 +1,6 @@
 //! `lpr fk`: forward kinematics of the flange, of a described arm of its tip.
 
-use super::arm::ArmArguments;
+use super::arm::{ArmArguments, Needs};
 use super::failure::Result;
 use crate::formats::{self, PoseJson};
 use core::fmt;
@@ -23,9 +23,9 @@ pub(super) struct Report {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Report> {
-    let arm = arguments.arm.load()?;
+    let arm = arguments.arm.load(Needs::Kinematics)?;
     let configs = formats::read_configs(&arguments.configs)?;
-    let pose = |(idx, config): (usize, &Vec<f32>)| {
+    let pose = |(idx, config): (usize, &Vec<f64>)| {
         let config = arm.config(config, &arguments.configs, &format!("configs[{idx}]"))?;
         Ok(arm.robot.flange(&config).into())
     };

@@ -1,6 +1,6 @@
 //! `lpr ik`: inverse kinematics of the flange, of a described arm of its tip.
 
-use super::arm::{Arm, ArmArguments};
+use super::arm::{Arm, ArmArguments, Needs};
 use super::failure::Result;
 use crate::formats::{self, PoseQuery};
 use core::fmt;
@@ -46,7 +46,7 @@ struct PoseResult {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Report> {
-    let arm = arguments.arm.load()?;
+    let arm = arguments.arm.load(Needs::Kinematics)?;
     let queries = formats::read_poses(&arguments.poses)?;
     let solve = |(idx, query): (usize, &PoseQuery)| {
         let near = match &query.seed_config {

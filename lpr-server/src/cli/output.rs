@@ -19,6 +19,11 @@ pub(super) fn report_error(message: &str) {
     let _ = writeln!(io::stderr(), "error: {line}");
 }
 
+/// Prints one line about something that was left out.
+pub(super) fn report_warning(message: &str) {
+    let _ = writeln!(io::stderr(), "warning: {message}");
+}
+
 pub(super) fn print<R: Serialize + Display>(report: &R, format: Format) -> Result<()> {
     match format {
         Format::Json => print_line(&serde_json::to_string(report).map_err(io::Error::from)?),

@@ -1,6 +1,6 @@
 //! `lpr plan`: motion planning on a file of problems, with the time that each takes.
 
-use super::arm::{Arm, ArmArguments};
+use super::arm::{Arm, ArmArguments, Needs};
 use super::failure::Result;
 use crate::problems::{self, Problem};
 use core::fmt;
@@ -87,6 +87,8 @@ struct ProblemResult {
     cost: Option<f32>,
     path: Option<Vec<Vec<f32>>>,
     reason: Option<&'static str>,
+    /// What touches what, and how deep, where the start or all goals touch something.
+    contact: Option<String>,
 }
 
 /// Of the problems solved; times are null when there are none.
@@ -108,7 +110,7 @@ struct Summary {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Report> {
-    let arm = arguments.arm.load()?;
+    let arm = arguments.arm.load(Needs::Collisions)?;
     let spheres = ArmSpheres::from_description(&arm.robot)?;
     let file = problems::read_problems(&arguments.problems)?;
     arm.check_name(&file.robot, &arguments.problems)?;
@@ -169,6 +171,7 @@ impl Query {
             cost: None,
             path: None,
             reason: plan.as_ref().err().map(|reason| reason.name()),
+            contact: plan.as_ref().err().and_then(|reason| self.contact(spheres, *reason)),
         };
         if let Ok(Plan { path, .. }) = plan {
             let path = if arguments.simplify {
@@ -197,6 +200,17 @@ impl Query {
         let Arguments { range, checks_per_radian, .. } = *arguments;
         let rrt = RrtSettings { range, checks_per_radian, max_iterations: MAX_ITERATIONS };
         plan_with(planner, checker, &self.start, &self.goals, &PlannerSettings::standard(rrt), rng)
+    }
+
+    /// The deepest contact of the start or of the first goal that has one.
+    fn contact(&self, spheres: &ArmSpheres, reason: Rejection) -> Option<String> {
+        let ends = match reason {
+            Rejection::StartCollides => core::slice::from_ref(&self.start),
+            Rejection::GoalCollides => &self.goals,
+            _ => return None,
+        };
+        let contact = |config| self.scene.deepest_contact(spheres, config);
+        ends.iter().find_map(contact).map(|contact| contact.to_string())
     }
 
     fn simplified(
@@ -287,8 +301,12 @@ impl fmt::Display for Report {
             let simplify =
                 result.simplify_micros.map_or_else(String::new, |micros| format!("{micros:.0}"));
             let cost = result.cost.map_or_else(String::new, |cost| format!("{cost:.2}"));
-            let ProblemResult { name, planning_micros, checks, reason, .. } = result;
+            let ProblemResult { name, planning_micros, checks, reason, contact, .. } = result;
             let reason = reason.unwrap_or_default();
+            let reason = match contact {
+                Some(contact) => format!("{reason}: {contact}"),
+                None => reason.to_owned(),
+            };
             writeln!(
                 f,
                 "{name:<28}{planning_micros:>10.0}{simplify:>10}{checks:>8}{cost:>7}  {reason}"

@@ -273,7 +273,7 @@ mod tests {
             (
                 json!({"task": "reach_target", "preset": "Cargo.toml"}),
                 "/preset",
-                "preset: expected one of fast, paper, found 'Cargo.toml'",
+                "preset: expected one of fast, paper, paper-narrow, found 'Cargo.toml'",
             ),
             (json!({"task": "reach_target", "minutes": 0}), "/minutes", "above 0"),
             (

@@ -228,7 +228,7 @@ impl<'a> PathSampler<'a> {
             .ok_or(Rejection::Unreachable)?;
         let mut path = proposal.resample(self.settings.path_len);
         let last = path.0.len() - 1;
-        // The policy only nearly meets its ends; what runs has to begin at the arm and end at `g`.
+        // Resampling rounds; what runs has to begin at the arm and end at `g`, exactly.
         path.0[0] = self.query.start;
         path.0[last] = goal;
         if !path.0.iter().skip(1).all(|config| self.query.robot.within_limits(config)) {

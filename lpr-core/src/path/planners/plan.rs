@@ -6,6 +6,7 @@ use crate::rng::Rng;
 use crate::robot::{DOF, JointConfig, JointRanges};
 use crate::scene::MotionChecker;
 use core::f32::consts::PI;
+use core::f64::consts::TAU;
 use rand::RngExt as _;
 
 /// Resolution at which a path found is looked at, in resolutions of the search.
@@ -73,8 +74,10 @@ fn free_goals(
     if goals.is_empty() {
         return Err(Rejection::Unreachable);
     }
-    let mut goals: Vec<JointConfig> =
-        goals.iter().copied().filter(|goal| checker.arm().is_within_limits(goal)).collect();
+    let mut goals: Vec<JointConfig> = unwound(checker.arm().limits(), start, goals)
+        .into_iter()
+        .filter(|goal| checker.arm().is_within_limits(goal))
+        .collect();
     if goals.is_empty() || !start.is_finite() {
         return Err(Rejection::OutsideLimits);
     }
@@ -83,6 +86,35 @@ fn free_goals(
     }
     goals.retain(|goal| checker.is_free(goal));
     if goals.is_empty() { Err(Rejection::GoalCollides) } else { Ok(goals) }
+}
+
+/// The goals in the windings nearest to the start of the joints that turn without end, and after
+/// them each the other way round, joint by joint: where something is in the short way.
+fn unwound(limits: &[(f32, f32)], start: &JointConfig, goals: &[JointConfig]) -> Vec<JointConfig> {
+    let endless: Vec<usize> = (limits.iter().enumerate())
+        .filter(|(_, (lower, upper))| upper - lower == f32::INFINITY)
+        .map(|(j, _)| j)
+        .collect();
+    if endless.is_empty() || goals.iter().any(|goal| goal.dof() != start.dof()) {
+        return goals.to_vec();
+    }
+    let turned = |q: f32, turns: f64| (f64::from(q) + TAU * turns) as f32;
+    let mut nearest = goals.to_vec();
+    for goal in &mut nearest {
+        for &j in &endless {
+            let away = f64::from(start[j]) - f64::from(goal[j]);
+            goal[j] = turned(goal[j], libm::round(away / TAU));
+        }
+    }
+    let others = nearest.iter().flat_map(|goal| {
+        endless.iter().map(|&j| {
+            let mut other = *goal;
+            other[j] = turned(goal[j], if goal[j] > start[j] { -1.0 } else { 1.0 });
+            other
+        })
+    });
+    let others: Vec<JointConfig> = others.collect();
+    [nearest, others].concat()
 }
 
 /// The straight motion to the first goal that it reaches.

@@ -30,6 +30,8 @@ pub use trajectory::Trajectory;
 
 use super::motion_limits::{GripSpeedLimit, MotionLimits};
 use crate::error::Result;
+use crate::robot::DOF;
+use envelope::{FEW, MANY};
 use grid::{Interval, grid, reversed};
 use grip::limit_grip;
 use motion::PathMotion;
@@ -68,11 +70,13 @@ pub fn time_optimal<const N: usize>(
     limits.check()?;
     grip.map_or(Ok(()), GripSpeedLimit::check)?;
     let (start, goal) = (path.angles_at(0.0), path.angles_at(path.chord_length()));
+    // Arrays of the built-in arms' size stay as small as they can be.
+    let fastest = if N <= DOF { fastest::<N, FEW> } else { fastest::<N, MANY> };
     let motion = (path.n_pieces() > 0).then(|| fastest(path, limits, grip));
     Trajectory::new(start, goal, motion)
 }
 
-fn fastest<const N: usize>(
+fn fastest<const N: usize, const G: usize>(
     path: &SmoothPath<N>,
     limits: &MotionLimits<N>,
     grip: Option<&GripSpeedLimit<'_>>,
@@ -90,7 +94,7 @@ fn fastest<const N: usize>(
     });
     let between =
         ramps.map_or_else(|| intervals.clone(), |ramps| without_ramps(&intervals, &ramps));
-    let squares = squared_speeds(path, &between, limits, ramps.as_ref());
+    let squares = squared_speeds::<N, G>(path, &between, limits, ramps.as_ref());
     PathMotion::new(path.clone(), &between, &squares, ramps.as_ref())
 }
 

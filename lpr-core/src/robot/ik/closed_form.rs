@@ -186,7 +186,7 @@ impl<'r> Target<'r> {
         let mut kept = first;
         for i in first..branches.len {
             let angles = branches.angles[i];
-            let wrist = self.robot.frames_at(&angles)[DOF - 1].translation
+            let wrist = self.robot.frames_at(&angles).tip.translation
                 - DVec3::new(0.0, 0.0, self.joints[0].d);
             if (wrist - self.from_shoulder).length() <= EXACT {
                 branches.angles[kept] = angles;

@@ -5,6 +5,7 @@
 //! that does not. A joint at a limit that a step would cross is held there for that step. Where the
 //! error stops shrinking, the next start is drawn.
 
+use super::super::kinematics::Frames;
 use super::super::{DOF, Joint, JointConfig, JointMotion, MAX_JOINTS, Robot};
 use super::Distinct;
 use super::closed_form::exact_pose;
@@ -87,7 +88,7 @@ impl Robot {
         if !(target.is_finite() && seed.is_finite()) {
             return distinct.solutions;
         }
-        let seed = self.within(&widened::<N>(seed));
+        let seed = self.within(&widened::<N>(&self.inside(seed)));
         let mut start = seed;
         for attempt in 0..MIN_ATTEMPTS.saturating_add(ATTEMPTS_EACH.saturating_mul(n_solutions)) {
             let is_hopeless = attempt >= MIN_ATTEMPTS && distinct.solutions.is_empty();
@@ -205,7 +206,7 @@ impl Joint {
 /// The difference that is left between the grip and the target, of an arm of at most `N` joints.
 struct Residual<const N: usize> {
     positions: [f64; N],
-    frames: [DPose3; N],
+    frames: Frames<N>,
     error: Twist,
     squared: f64,
 }
@@ -213,10 +214,8 @@ struct Residual<const N: usize> {
 impl<const N: usize> Residual<N> {
     fn new(robot: &Robot, target: &DPose3, positions: [f64; N]) -> Self {
         let frames = robot.frames_at(&positions);
-        let error = twist_between(
-            &(frames[N - 1] * robot.body_from_flange * robot.flange_from_grip),
-            target,
-        );
+        let error =
+            twist_between(&(frames.tip * robot.body_from_flange * robot.flange_from_grip), target);
         Self { positions, frames, squared: error.iter().map(|part| part * part).sum(), error }
     }
 

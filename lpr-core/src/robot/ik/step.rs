@@ -1,6 +1,7 @@
 //! The continuous solution for a small motion of the grip.
 
 use super::super::joint::TwistedRow;
+use super::super::kinematics::Frames;
 use super::super::{DOF, DhRow, Joint, JointConfig, MAX_JOINTS, Robot};
 use super::closed_form::{Angles, Target, exact_pose, rounded, within_range};
 use arrayvec::ArrayVec;
@@ -64,6 +65,9 @@ impl Robot {
 
     /// The rows of an arm of seven joints by modified-DH rows.
     fn twisted_rows(&self) -> Option<[TwistedRow; DOF]> {
+        if !self.followers.is_empty() {
+            return None;
+        }
         let rows: ArrayVec<_, MAX_JOINTS> =
             self.joints.iter().map_while(|joint| joint.dh().map(DhRow::twisted)).collect();
         rows[..].try_into().ok()
@@ -75,7 +79,7 @@ impl Robot {
         &self,
         world_from_grip: &Pose3,
         near: &JointConfig,
-        frames_at: impl Fn(&[f64; N]) -> [DPose3; N],
+        frames_at: impl Fn(&[f64; N]) -> Frames<N>,
     ) -> Result<JointConfig, [f64; N]> {
         let start = near.to_array::<N>().map(f64::from);
         let newton = self.newton(&exact_pose(world_from_grip), &start, frames_at);
@@ -98,12 +102,12 @@ impl Robot {
         &self,
         target: &DPose3,
         start: &[f64; N],
-        frames_at: impl Fn(&[f64; N]) -> [DPose3; N],
+        frames_at: impl Fn(&[f64; N]) -> Frames<N>,
     ) -> Newton<N> {
         let mut newton = Newton { angles: *start, first: *start, converged: false };
         for iteration in 0..MAX_NEWTON {
             let frames = frames_at(&newton.angles);
-            let grip = frames[N - 1] * self.body_from_flange * self.flange_from_grip;
+            let grip = frames.tip * self.body_from_flange * self.flange_from_grip;
             let error = twist_between(&grip, target);
             if error.iter().all(|part| part.abs() < CONVERGED) {
                 newton.converged = true;
@@ -168,12 +172,12 @@ struct Newton<const N: usize> {
 
 /// `world_from_body` of what seven joints carry. Their rows are at hand: a joint that is asked for its
 /// kind at every iteration costs a tenth of a curve.
-fn frames_of(rows: &[TwistedRow; DOF], angles: &Angles) -> [DPose3; DOF] {
+fn frames_of(rows: &[TwistedRow; DOF], angles: &Angles) -> Frames<DOF> {
     let mut world_from_body = DPose3::IDENTITY;
-    core::array::from_fn(|j| {
+    Frames::of_joints(core::array::from_fn(|j| {
         world_from_body *= rows[j].transform(angles[j]);
         world_from_body
-    })
+    }))
 }
 
 fn lower(robot: &Robot, j: usize) -> f64 {

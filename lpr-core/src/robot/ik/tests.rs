@@ -22,7 +22,7 @@ fn pose_error(a: &DPose3, b: &DPose3) -> (f64, f64) {
 }
 
 fn grip_at(robot: &Robot, angles: &Angles) -> DPose3 {
-    robot.frames_at(angles)[DOF - 1] * robot.body_from_flange * robot.flange_from_grip
+    robot.frames_at(angles).tip * robot.body_from_flange * robot.flange_from_grip
 }
 
 fn assert_solves(robot: &Robot, config: &JointConfig, pose: &Pose3) {

@@ -16,6 +16,8 @@ pub(super) struct Tree {
     pub(super) joint_above: Vec<Option<usize>>,
     /// Indices of links, each after the link that it hangs on.
     pub(super) order: Vec<usize>,
+    /// Number of joints between the root and each link.
+    pub(super) depth: Vec<usize>,
 }
 
 impl Tree {
@@ -38,7 +40,10 @@ impl Tree {
         order.iter().for_each(|&link| is_below[link] = true);
         match is_below.iter().position(|is_below| !is_below) {
             Some(lost) => Err(in_loop(description, &joint_above, lost)),
-            None => Ok(Self { root, joint_above, order }),
+            None => {
+                let depth = depths(description, &joint_above, &order);
+                Ok(Self { root, joint_above, order, depth })
+            }
         }
     }
 
@@ -67,8 +72,8 @@ impl Tree {
         Ok(joints)
     }
 
-    /// The leaf with the most driven joints between it and the root.
-    pub(super) fn only_tip(&self, description: &Description) -> Result<usize> {
+    /// The leaves of the tree, each with the number of driven joints between it and the root.
+    pub(super) fn tips(&self, description: &Description) -> Vec<(usize, usize)> {
         let mut n_driven = vec![0_usize; self.order.len()];
         let mut is_leaf = vec![true; self.order.len()];
         for &link in &self.order {
@@ -78,17 +83,37 @@ impl Tree {
                 is_leaf[joint.parent] = false;
             }
         }
-        let most = n_driven.iter().copied().max().unwrap_or(0);
-        let tips: Vec<usize> =
-            (0..n_driven.len()).filter(|&link| is_leaf[link] && n_driven[link] == most).collect();
-        match tips[..] {
+        (0..is_leaf.len())
+            .filter(|&link| is_leaf[link])
+            .map(|link| (link, n_driven[link]))
+            .collect()
+    }
+
+    /// The leaf with the most driven joints between it and the root.
+    pub(super) fn only_tip(&self, description: &Description) -> Result<usize> {
+        let tips = self.tips(description);
+        let most = tips.iter().map(|(_, n_driven)| *n_driven).max().unwrap_or(0);
+        let longest: Vec<usize> =
+            tips.iter().filter(|(_, n_driven)| *n_driven == most).map(|(link, _)| *link).collect();
+        match longest[..] {
             [tip] => Ok(tip),
             _ => Err(Error::Robot(format!(
-                "which link is the tip? Candidates: {}",
-                listed(description, &tips)
+                "tip: expected the name of one of the links {}, found none",
+                listed(description, &longest)
             ))),
         }
     }
+}
+
+/// Numbers of joints between the root and each link.
+fn depths(description: &Description, joint_above: &[Option<usize>], order: &[usize]) -> Vec<usize> {
+    let mut depth = vec![0; order.len()];
+    for &link in order {
+        if let Some(joint) = joint_above[link] {
+            depth[link] = depth[description.joints[joint].parent] + 1;
+        }
+    }
+    depth
 }
 
 fn joints_above(description: &Description) -> Result<Vec<Option<usize>>> {
@@ -129,7 +154,7 @@ fn in_loop(description: &Description, joint_above: &[Option<usize>], from: usize
 }
 
 /// Names of links, the first few of them.
-fn listed(description: &Description, links: &[usize]) -> String {
+pub(super) fn listed(description: &Description, links: &[usize]) -> String {
     let names: Vec<String> =
         links.iter().take(MAX_LISTED).map(|&link| quoted(&description.links[link].name)).collect();
     let more = links.len().saturating_sub(MAX_LISTED);

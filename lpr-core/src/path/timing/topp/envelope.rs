@@ -15,15 +15,20 @@
 use super::grid::Interval;
 use super::spline::Piece;
 use crate::path::timing::motion_limits::MotionLimits;
-use crate::robot::MAX_JOINTS;
-use arrayvec::ArrayVec;
+use crate::robot::{DOF, MAX_JOINTS};
 
 /// Constraints of a joint: three coefficients of its acceleration and six of its squared velocity.
 const CONSTRAINTS_PER_JOINT: usize = 9;
 
-/// Most constraints of an interval: of the joints, six of the grip's speed, and the two of
-/// [`Constraints::of`]. Empty ones fill the last lanes.
-const MAX_CONSTRAINTS: usize = MAX_JOINTS * CONSTRAINTS_PER_JOINT + 8;
+/// Groups of constraints of an interval of an arm with up to `n_joints` joints: of the joints, six of
+/// the grip's speed, and the two of [`Constraints::of`]. Empty ones fill the last lanes.
+const fn n_groups(n_joints: usize) -> usize {
+    (n_joints * CONSTRAINTS_PER_JOINT + 8).div_ceil(LANES)
+}
+
+/// Groups for an arm of the built-in ones' size, and for any.
+pub(super) const FEW: usize = n_groups(DOF);
+pub(super) const MANY: usize = n_groups(MAX_JOINTS);
 
 /// Share by which constraints may be exceeded where `x` is the largest there is: rounding would
 /// else leave no `y` beside it.
@@ -40,11 +45,11 @@ const MAX_SQUARE: f64 = 1e12;
 /// stands still on its way.
 const LEAST_RATIO: f64 = 1e-4;
 
-/// Constraints `|a x + b y| ≤ 1`.
+/// Constraints `|a x + b y| ≤ 1` in `G` groups.
 #[derive(Debug, Clone)]
-pub(super) struct Constraints {
-    a: ArrayVec<[f64; LANES], { MAX_CONSTRAINTS / LANES }>,
-    b: ArrayVec<[f64; LANES], { MAX_CONSTRAINTS / LANES }>,
+pub(super) struct Constraints<const G: usize> {
+    a: [[f64; LANES]; G],
+    b: [[f64; LANES]; G],
     n: usize,
 }
 
@@ -62,7 +67,7 @@ pub(super) struct Ray {
     pub(super) max: f64,
 }
 
-impl Constraints {
+impl<const G: usize> Constraints<G> {
     /// The constraints of an interval at whose end the squared speed is at most `max_end`; 0 leaves
     /// that to the caller's ray.
     pub(super) fn of<const N: usize>(
@@ -71,7 +76,7 @@ impl Constraints {
         limits: &MotionLimits<N>,
         max_end: f64,
     ) -> Self {
-        let mut constraints = Self { a: ArrayVec::new(), b: ArrayVec::new(), n: 0 };
+        let mut constraints = Self { a: [[0.0; LANES]; G], b: [[0.0; LANES]; G], n: 0 };
         constraints.push(1.0 / MAX_SQUARE, 0.0);
         constraints.push(0.0, if max_end > 0.0 { 1.0 / max_end } else { 0.0 });
         constraints.push_squared_speed(&interval.grip.0);
@@ -80,10 +85,6 @@ impl Constraints {
     }
 
     fn push(&mut self, a: f64, b: f64) {
-        if self.n.is_multiple_of(LANES) {
-            self.a.push([0.0; LANES]);
-            self.b.push([0.0; LANES]);
-        }
         self.a[self.n / LANES][self.n % LANES] = a;
         self.b[self.n / LANES][self.n % LANES] = b;
         self.n += 1;
@@ -145,7 +146,7 @@ impl Constraints {
         *(if near.b > 0.0 { &mut rising } else { &mut falling }) = near;
         let mut best = Ray { ratio: 0.0, max: 0.0 };
         // Each round finds a constraint that was not on top before, or is the last.
-        for _ in 0..self.n {
+        for _ in 0..G * LANES {
             let ratio = (falling.a - rising.a) / (rising.b - falling.b);
             let top = self.top(ratio);
             let ray = top.ray(ratio);
@@ -253,7 +254,7 @@ mod tests {
             let intervals = grid(&path);
             let interval = intervals[(idx * intervals.len() as f64) as usize];
             let piece = path.piece(interval.piece);
-            let constraints = Constraints::of(&piece, &interval, &LIMITS, cap);
+            let constraints = Constraints::<FEW>::of(&piece, &interval, &LIMITS, cap);
             let ray = constraints.highest_ray(cap);
             let (x, y) = (ray.max, ray.ratio * ray.max);
             prop_assert!(x > 0.0 && y >= 0.0 && y <= cap * (1.0 + 1e-9));
@@ -271,7 +272,7 @@ mod tests {
         fn no_other_ray_goes_higher(path in path(), idx in 0.0..1.0_f64, cap in 0.01..3.0_f64, ratio in 0.0..5.0_f64) {
             let intervals = grid(&path);
             let interval = intervals[(idx * intervals.len() as f64) as usize];
-            let constraints = Constraints::of(&path.piece(interval.piece), &interval, &LIMITS, cap);
+            let constraints = Constraints::<FEW>::of(&path.piece(interval.piece), &interval, &LIMITS, cap);
             prop_assert!(constraints.ray(ratio.max(LEAST_RATIO)).max <= constraints.highest_ray(cap).max * (1.0 + 1e-12));
         }
     }

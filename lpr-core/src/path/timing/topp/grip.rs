@@ -12,7 +12,7 @@ use super::grid::Interval;
 use super::grip_bound::GripBound;
 use super::spline::{Piece, SmoothPath};
 use crate::path::timing::motion_limits::GripSpeedLimit;
-use crate::robot::{DhRow, Joint, JointMotion, JointOrigin, MAX_JOINTS, Robot};
+use crate::robot::{DhRow, Joint, JointMotion, JointOrigin, MAX_JOINTS, Move, Robot};
 use arrayvec::ArrayVec;
 use glamx::{DPose3, DVec3};
 
@@ -62,7 +62,10 @@ struct Stretch {
 /// The parts of a robot that decide how its grip moves.
 #[derive(Debug)]
 pub(super) struct Arm {
-    joints: ArrayVec<ArmJoint, MAX_JOINTS>,
+    /// Rows with sine and cosine of their twists, of an arm that has nothing else.
+    rows: ArrayVec<(DhRow, (f64, f64)), MAX_JOINTS>,
+    /// From the base to the grip, each with the index of the joint that moves it.
+    joints: ArrayVec<(usize, ArmJoint), { 2 * MAX_JOINTS }>,
     /// The grip in the frame of the last body, metres.
     grip: DVec3,
     /// Bound to the partial derivatives of the grip's position, within the limits of the joints.
@@ -75,18 +78,35 @@ enum ArmJoint {
     /// By a row, with sine and cosine of its twist.
     Row(DhRow, (f64, f64)),
     Fixed(DPose3, JointMotion),
+    /// A joint that follows the other, with multiplier and offset.
+    Follower(DPose3, JointMotion, f64, f64),
 }
 
 impl Arm {
     pub(super) fn of(robot: &Robot) -> Self {
-        let joint = |joint: &Joint| match joint.origin {
-            JointOrigin::ModifiedDh(row) => ArmJoint::Row(row, libm::sincos(row.alpha)),
-            JointOrigin::Fixed(parent_from_joint) => {
-                ArmJoint::Fixed(parent_from_joint, joint.motion)
+        let joint = |step: &Move<'_>| match (step.follower, &robot.joints[step.joint]) {
+            (Some(it), _) => {
+                ArmJoint::Follower(it.parent_from_joint, it.motion, it.multiplier, it.offset)
+            }
+            (None, Joint { origin: JointOrigin::ModifiedDh(row), .. }) => {
+                ArmJoint::Row(*row, libm::sincos(row.alpha))
+            }
+            (None, Joint { origin: JointOrigin::Fixed(parent_from_joint), motion, .. }) => {
+                ArmJoint::Fixed(*parent_from_joint, *motion)
             }
         };
+        let moves = robot.moves();
+        let in_chain = moves.iter().filter(|step| step.is_in_chain);
+        let joints: ArrayVec<_, { 2 * MAX_JOINTS }> =
+            in_chain.map(|step| (step.joint, joint(step))).collect();
+        let row = |(_, joint): &(usize, ArmJoint)| match joint {
+            ArmJoint::Row(row, twist) => Some((*row, *twist)),
+            ArmJoint::Fixed(..) | ArmJoint::Follower(..) => None,
+        };
+        let rows: Option<ArrayVec<_, MAX_JOINTS>> = joints.iter().map(row).collect();
         Self {
-            joints: robot.joints.iter().map(joint).collect(),
+            rows: rows.unwrap_or_default(),
+            joints,
             grip: robot.body_from_flange.transform_point(robot.flange_from_grip.translation),
             reach: reach(robot),
         }
@@ -95,9 +115,12 @@ impl Arm {
     /// Velocity of the grip, m/s, at angles (rad) that change at `rates` (rad/s): its position and
     /// velocity in the frame of one joint after the other, down to the base.
     pub(super) fn velocity<const N: usize>(&self, angles: &[f64; N], rates: &[f64; N]) -> DVec3 {
+        if !self.rows.is_empty() {
+            return self.velocity_by_rows(angles, rates);
+        }
         let (mut at, mut velocity) = (self.grip, DVec3::ZERO);
-        for (j, joint) in self.joints.iter().enumerate().rev() {
-            let (q, rate) = (angles[j], rates[j]);
+        for (j, joint) in self.joints.iter().rev() {
+            let (q, rate) = (angles[*j], rates[*j]);
             match joint {
                 ArmJoint::Row(row, twist) => {
                     let turn = libm::sincos(q);
@@ -107,21 +130,30 @@ impl Arm {
                     velocity = turned_about_x(velocity, *twist);
                 }
                 ArmJoint::Fixed(parent_from_joint, motion) => {
-                    match motion {
-                        JointMotion::Turn => {
-                            let turn = libm::sincos(q);
-                            at = turned_about_z(at, turn);
-                            velocity = turned_about_z(velocity, turn) + rate * across(at);
-                        }
-                        JointMotion::Slide => {
-                            at.z += q;
-                            velocity.z += rate;
-                        }
-                    }
+                    moved(&mut at, &mut velocity, *motion, (q, rate));
+                    at = parent_from_joint.transform_point(at);
+                    velocity = parent_from_joint.rotation * velocity;
+                }
+                ArmJoint::Follower(parent_from_joint, motion, multiplier, offset) => {
+                    let position = (multiplier * q + offset, multiplier * rate);
+                    moved(&mut at, &mut velocity, *motion, position);
                     at = parent_from_joint.transform_point(at);
                     velocity = parent_from_joint.rotation * velocity;
                 }
             }
+        }
+        velocity
+    }
+
+    /// The same for an arm of rows alone: without a look at the kind of each joint.
+    fn velocity_by_rows<const N: usize>(&self, angles: &[f64; N], rates: &[f64; N]) -> DVec3 {
+        let (mut at, mut velocity) = (self.grip, DVec3::ZERO);
+        for (j, (row, twist)) in self.rows.iter().enumerate().rev() {
+            let turn = libm::sincos(angles[j]);
+            at = turned_about_z(DVec3::new(at.x, at.y, at.z + row.d), turn);
+            velocity = turned_about_z(velocity, turn) + rates[j] * across(at);
+            at = turned_about_x(DVec3::new(at.x + row.a, at.y, at.z), *twist);
+            velocity = turned_about_x(velocity, *twist);
         }
         velocity
     }
@@ -157,6 +189,22 @@ impl Arm {
             halvings - 1,
         );
         [first.into_iter().chain(second).fold(0.0, f64::max); 5]
+    }
+}
+
+/// A point and its velocity as the frame sees them in which a joint moves, at position `q` and rate
+/// `rate`.
+fn moved(at: &mut DVec3, velocity: &mut DVec3, motion: JointMotion, (q, rate): (f64, f64)) {
+    match motion {
+        JointMotion::Turn => {
+            let turn = libm::sincos(q);
+            *at = turned_about_z(*at, turn);
+            *velocity = turned_about_z(*velocity, turn) + rate * across(*at);
+        }
+        JointMotion::Slide => {
+            at.z += q;
+            velocity.z += rate;
+        }
     }
 }
 
@@ -197,23 +245,37 @@ fn growth<const N: usize>(piece: &Piece<N>, stretch: &Stretch) -> f64 {
         + 4.0 * slopes * thirds
 }
 
-/// Links stretched out, metres; at least 1 if a joint slides.
+/// Links stretched out, metres; at least 1 if a joint slides. Where joints follow others, a joint moves
+/// the grip by several ways at once, and each of four derivatives counts all of them.
 fn reach(robot: &Robot) -> f64 {
     let length = |v: DVec3| libm::sqrt(v.dot(v));
     let slides = |joint: &Joint| joint.motion == JointMotion::Slide;
+    let way = |q: (f32, f32)| f64::from(q.0.abs().max(q.1.abs()));
     let link = |joint: &Joint| match &joint.origin {
         JointOrigin::ModifiedDh(row) => libm::hypot(row.a, row.d),
         JointOrigin::Fixed(parent_from_joint) if slides(joint) => {
-            length(parent_from_joint.translation)
-                + f64::from(joint.lower.abs().max(joint.upper.abs()))
+            length(parent_from_joint.translation) + way((joint.lower, joint.upper))
         }
         JointOrigin::Fixed(parent_from_joint) => length(parent_from_joint.translation),
     };
-    let links: f64 = robot.joints.iter().map(link).sum();
-    let reach = links
-        + length(robot.body_from_flange.translation)
-        + length(robot.flange_from_grip.translation);
-    if robot.joints.iter().any(slides) { reach.max(1.0) } else { reach }
+    let mut ways = [1.0; MAX_JOINTS];
+    let mut followed = 0.0;
+    for it in robot.followers.iter().filter(|it| it.is_in_chain) {
+        let driver = &robot.joints[it.joint];
+        ways[it.joint] += it.multiplier.abs();
+        followed += length(it.parent_from_joint.translation);
+        if it.motion == JointMotion::Slide {
+            followed += it.multiplier.abs() * way((driver.lower, driver.upper)) + it.offset.abs();
+        }
+    }
+    let most_ways = ways.into_iter().fold(1.0, f64::max);
+    let links: f64 = robot.joints.iter().map(link).sum::<f64>() + followed;
+    let flange = length(robot.body_from_flange.translation);
+    let stretched = links + flange + length(robot.flange_from_grip.translation);
+    let any_slides = robot.joints.iter().any(slides)
+        || robot.followers.iter().any(|it| it.motion == JointMotion::Slide);
+    let reach = if any_slides { stretched.max(1.0) } else { stretched };
+    if robot.followers.is_empty() { reach } else { reach * libm::pow(most_ways, 4.0) }
 }
 
 #[cfg(test)]

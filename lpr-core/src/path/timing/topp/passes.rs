@@ -20,13 +20,13 @@ pub(super) struct Ramps {
 ///
 /// Without ramps the path starts and ends at rest. With them it goes on from a ramp, or towards
 /// one, at the acceleration that the ramp has there.
-pub(super) fn squared_speeds<const N: usize>(
+pub(super) fn squared_speeds<const N: usize, const G: usize>(
     path: &SmoothPath<N>,
     intervals: &[Interval],
     limits: &MotionLimits<N>,
     ramps: Option<&Ramps>,
 ) -> Vec<f64> {
-    let rays = controllable(path, intervals, limits, ramps);
+    let rays = controllable::<N, G>(path, intervals, limits, ramps);
     let mut squares = Vec::with_capacity(intervals.len() + 1);
     squares.push(ramps.map_or(0.0, |ramps| ramps.start.max_square.min(rays[0].max)));
     for (idx, interval) in intervals.iter().enumerate() {
@@ -37,7 +37,7 @@ pub(super) fn squared_speeds<const N: usize>(
         } else {
             let max_end = rays[idx + 1].max;
             let constraints =
-                Constraints::of(&path.piece(interval.piece), interval, limits, max_end);
+                Constraints::<G>::of(&path.piece(interval.piece), interval, limits, max_end);
             constraints.largest_end(square, rays[idx]).min(max_end)
         });
     }
@@ -46,7 +46,7 @@ pub(super) fn squared_speeds<const N: usize>(
 
 /// For every interval the largest square at its start from which the rest can be driven, and how it
 /// then goes on.
-fn controllable<const N: usize>(
+fn controllable<const N: usize, const G: usize>(
     path: &SmoothPath<N>,
     intervals: &[Interval],
     limits: &MotionLimits<N>,
@@ -55,7 +55,8 @@ fn controllable<const N: usize>(
     let mut rays = vec![Ray { ratio: 0.0, max: 0.0 }; intervals.len()];
     let mut max_end = ramps.map_or(0.0, |ramps| ramps.end.max_square);
     for (idx, interval) in intervals.iter().enumerate().rev() {
-        let constraints = Constraints::of(&path.piece(interval.piece), interval, limits, max_end);
+        let constraints =
+            Constraints::<G>::of(&path.piece(interval.piece), interval, limits, max_end);
         rays[idx] = match ramps {
             Some(ramps) if idx + 1 == intervals.len() => {
                 constraints.ray(1.0 / growth(interval, &ramps.end))

@@ -1,5 +1,6 @@
 //! The motion as a whole, looked at far more densely than it was computed.
 
+use super::envelope::FEW;
 use super::grip::Arm;
 use super::{SmoothPath, Trajectory, fastest, time_optimal};
 use crate::path::joint_path::JointPath;
@@ -55,7 +56,7 @@ fn limits() -> impl Strategy<Value = MotionLimits> {
 
 /// Times of a motion: many within every stretch, both ends of it included.
 fn times(path: &SmoothPath, limits: &MotionLimits, grip: Option<&GripSpeedLimit<'_>>) -> Vec<f64> {
-    let stretches = fastest(path, limits, grip).stretches;
+    let stretches = fastest::<DOF, FEW>(path, limits, grip).stretches;
     let within = |i: u8| f64::from(i) / 12.0;
     stretches
         .iter()
@@ -110,7 +111,7 @@ proptest! {
         prop_assume!(smooth.n_pieces() > 0);
         let limits = MotionLimits { jerk: Some(jerk), ..limits };
         let trajectory = time_optimal(&smooth, &limits, None).unwrap();
-        let stretches = fastest(&smooth, &limits, None).stretches;
+        let stretches = fastest::<DOF, FEW>(&smooth, &limits, None).stretches;
         let (first, last) = (stretches[0], stretches[stretches.len() - 1]);
         for ramp in [first, last] {
             for jerks in jerks(&trajectory, ramp.since, ramp.duration) {
@@ -326,7 +327,7 @@ fn the_work_grows_with_the_configurations_and_no_faster() {
     };
     let n_stretches = |n| {
         let path = <SmoothPath>::through(&JointPath::new(configs(n).collect()).unwrap());
-        fastest(&path, &LIMITS, None).stretches.len()
+        fastest::<DOF, FEW>(&path, &LIMITS, None).stretches.len()
     };
     assert_eq!(n_stretches(30_001) - n_stretches(20_001), 10_000);
 }

@@ -150,7 +150,7 @@ proptest! {
             let moved = |by: f64| {
                 let mut positions = at;
                 positions[j] += by;
-                chain.frames_at(&positions)[DOF - 1] * chain.body_from_flange
+                chain.frames_at(&positions).tip * chain.body_from_flange
             };
             let twist = twist_between(&moved(-1e-5), &moved(1e-5));
             for row in 0..6 {
