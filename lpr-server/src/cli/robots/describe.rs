@@ -12,8 +12,8 @@ use std::collections::BTreeSet;
 
 /// Configurations in which the tip is looked at.
 const SAMPLES: u32 = 100_000;
-/// Side of the cubes that the tip gets into, metres.
-const CUBE: f32 = 0.1;
+/// Cubes that the tip gets into, along the radius of its reach: a number that does not grow with it.
+const CUBES: i32 = 10;
 
 #[derive(Debug, Serialize)]
 pub(in crate::cli) struct Description {
@@ -91,7 +91,7 @@ struct TouchingRow {
 struct Reach {
     /// Furthest that the tip was from the base, metres.
     radius: f32,
-    /// Share of the ball of that radius that the tip gets into, by cubes of 10 cm.
+    /// Share of the ball of that radius that the tip gets into, by cubes of a tenth of it.
     share: f32,
 }
 
@@ -161,22 +161,20 @@ fn touching(robot: &Robot, overlap: &Overlap) -> TouchingRow {
 /// The tip in many configurations from a fixed seed.
 fn reach(robot: &Robot) -> Reach {
     let rng = &mut stream(0, Stream::Ik, 0);
-    let mut cubes = BTreeSet::new();
-    let mut radius = 0.0_f32;
-    for _ in 0..SAMPLES {
-        let tip = robot.grip(&robot.random_config(rng)).translation;
-        radius = radius.max(tip.length());
-        cubes.insert((tip / CUBE).floor().to_array().map(|cell| cell as i32));
-    }
-    let n = (radius / CUBE).ceil() as i32;
+    let tip = |_| robot.grip(&robot.random_config(rng)).translation;
+    let tips: Vec<Vec3> = (0..SAMPLES).map(tip).collect();
+    let radius = tips.iter().fold(0.0_f32, |most, tip| most.max(tip.length()));
+    let side = radius.max(f32::MIN_POSITIVE) / CUBES as f32;
+    let cubes: BTreeSet<[i32; 3]> =
+        tips.iter().map(|tip| (tip / side).floor().to_array().map(|cell| cell as i32)).collect();
     let is_within = |cell: [i32; 3]| {
-        let center = Vec3::from_array(cell.map(|cell| (cell as f32 + 0.5) * CUBE));
-        center.length() <= radius
+        let center = Vec3::from_array(cell.map(|cell| cell as f32 + 0.5));
+        center.length() <= CUBES as f32
     };
     let mut n_all = 0_u32;
-    for x in -n..n {
-        for y in -n..n {
-            n_all += (-n..n).map(|z| u32::from(is_within([x, y, z]))).sum::<u32>();
+    for x in -CUBES..CUBES {
+        for y in -CUBES..CUBES {
+            n_all += (-CUBES..CUBES).map(|z| u32::from(is_within([x, y, z]))).sum::<u32>();
         }
     }
     let n_reached = cubes.into_iter().filter(|cell| is_within(*cell)).count();
