@@ -54,6 +54,15 @@ impl<S: Simd> Vec3s<S> {
     }
 
     #[inline(always)]
+    pub(crate) fn cross(self, other: Self) -> Self {
+        Self {
+            x: self.y * other.z - self.z * other.y,
+            y: self.z * other.x - self.x * other.z,
+            z: self.x * other.y - self.y * other.x,
+        }
+    }
+
+    #[inline(always)]
     pub(crate) fn dot(self, other: Vec3) -> Floats<S> {
         self.x * other.x + self.y * other.y + self.z * other.z
     }

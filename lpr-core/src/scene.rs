@@ -20,6 +20,7 @@ mod signed_distance;
 mod solids;
 #[cfg(test)]
 pub(crate) mod stick_arm;
+mod sweep;
 
 pub use arm_spheres::{ArmSpheres, MAX_LINKS};
 pub use cloud::{PointCloud, downsample};

@@ -1,10 +1,13 @@
 //! The robot as spheres, compiled for collision checks.
 
+use super::frames::{Frame, MovingFrame};
 use super::primitive::length;
+use super::sweep::Reach;
+use super::sweep::{inverse_squared_move, least_radius};
 use crate::error::{Error, Result};
-use crate::robot::{JointConfig, JointMotion, JointRanges, Link, MAX_JOINTS, Move, Robot, Sphere};
+use crate::robot::{JointConfig, JointRanges, Link, MAX_JOINTS, Robot, Sphere};
 use fearless_simd::Level;
-use glamx::{DVec3, Mat3, Pose3, Vec3};
+use glamx::{Pose3, Vec3};
 
 /// Most joints that follow others.
 pub(super) const MAX_FOLLOWERS: usize = 15;
@@ -17,10 +20,6 @@ pub(super) type LinkBits = u64;
 
 /// Most spheres of a cluster.
 pub(super) const CLUSTER: usize = 4;
-
-/// An element of a rotation this close to 0 or ±1 is that: descriptions round π/2, and quarter
-/// turns cost nothing.
-const QUARTER_TURN_SLACK: f64 = 1e-5;
 
 /// The spheres of a robot, its kinematics in f32 and the pairs of links that may meet.
 ///
@@ -52,6 +51,8 @@ pub struct ArmSpheres {
     pub(super) links: Vec<LinkSpheres>,
     /// Pairs of indices into the links that are tested against each other.
     pub(super) self_pairs: Vec<(usize, usize)>,
+    /// How far the spheres of each link can move.
+    pub(super) reaches: Vec<Reach>,
 }
 
 /// The spheres of one link and a sphere around all of them.
@@ -65,6 +66,8 @@ pub(super) struct LinkSpheres {
     /// Which cloud it is tested against.
     pub(super) part: ArmPart,
     pub(super) bound: Sphere,
+    /// Largest distance of a sphere's centre from that of the bound, metres.
+    pub(super) spread: f32,
     pub(super) clusters: Vec<Cluster>,
 }
 
@@ -73,6 +76,10 @@ pub(super) struct LinkSpheres {
 pub(super) struct Cluster {
     pub(super) bound: Sphere,
     pub(super) spheres: Vec<Sphere>,
+    /// Largest distance of a sphere's centre from that of the bound, metres.
+    pub(super) spread: f32,
+    /// `1/s²`, where `s` is the furthest that its smallest sphere may move straight between two looks.
+    pub(super) inverse_squared_move: f32,
 }
 
 /// The contact rule tells the gripper from the rest of the arm.
@@ -84,38 +91,6 @@ pub(super) enum ArmPart {
     Arm,
     /// The hand with its fingers.
     Hand,
-}
-
-/// A joint's frame in the body that it stands on, in f32; the joint moves about or along its z.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct MovingFrame {
-    /// Body that it stands on.
-    pub(super) parent: usize,
-    /// Body that it carries.
-    pub(super) body: usize,
-    /// Joint whose position counts.
-    pub(super) joint: usize,
-    /// Multiplier and offset of a joint that follows that one.
-    pub(super) follows: Option<(f32, f32)>,
-    pub(super) rotation: Rotation,
-    pub(super) translation: Vec3,
-    pub(super) motion: JointMotion,
-}
-
-/// A rotation from the body before a joint.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Rotation {
-    /// Every axis is one of the axes before, or against it: index and sign.
-    QuarterTurns([(usize, f32); 3]),
-    /// Any other.
-    General(Mat3),
-}
-
-/// A frame in the world: its axes and origin.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Frame {
-    axes: [Vec3; 3],
-    origin: Vec3,
 }
 
 impl ArmSpheres {
@@ -158,7 +133,7 @@ impl ArmSpheres {
             let pair = (order[a].min(order[b]), order[a].max(order[b]));
             !chain.allowed_self_collisions.contains(&pair)
         };
-        Ok(Self {
+        let mut arm = Self {
             level: Level::new(),
             moves: chain.moves().iter().map(|step| MovingFrame::new(chain, step)).collect(),
             dof: chain.dof(),
@@ -167,7 +142,10 @@ impl ArmSpheres {
             limits: chain.limits(),
             self_pairs: pairs(order.len()).filter(is_tested).collect(),
             links: order.iter().map(|&i| LinkSpheres::of(&chain.links[i], i)).collect(),
-        })
+            reaches: Vec::new(),
+        };
+        arm.reaches = arm.links.iter().map(|link| Reach::new(&arm, link)).collect();
+        Ok(arm)
     }
 
     /// The arm with an object in its hand: `spheres` in the frame of its tip (of a built-in arm:
@@ -217,6 +195,7 @@ impl ArmSpheres {
         let object = arm.links.len();
         let spheres = spheres.iter().map(moved).collect();
         arm.links.push(LinkSpheres::new("attached", self.tip_body, ArmPart::Hand, spheres));
+        arm.reaches.push(Reach::new(&arm, &arm.links[object]));
         let tested =
             (0..object).filter(|&link| !touching.contains(&self.links[link].name.as_str()));
         arm.self_pairs.extend(tested.map(|link| (link, object)));
@@ -314,9 +293,10 @@ impl LinkSpheres {
     /// The bound is centred in the box of the spheres: not the least, but near it for long links.
     fn new(name: &str, body: usize, part: ArmPart, spheres: Vec<Sphere>) -> Self {
         let bound = bound(&spheres);
+        let spread = spread(bound.center, &spheres);
         let mut clusters = Vec::new();
         split(spheres, &mut clusters);
-        Self { name: name.to_owned(), index: usize::MAX, body, part, bound, clusters }
+        Self { name: name.to_owned(), index: usize::MAX, body, part, bound, spread, clusters }
     }
 
     fn of(link: &Link, index: usize) -> Self {
@@ -332,6 +312,14 @@ impl LinkSpheres {
     /// Index among the links of the robot.
     pub(super) const fn index(&self) -> usize {
         self.index
+    }
+}
+
+impl Cluster {
+    fn new(bound: Sphere, spheres: Vec<Sphere>) -> Self {
+        let spread = spread(bound.center, &spheres);
+        let inverse_squared_move = inverse_squared_move(least_radius(spheres.iter()));
+        Self { bound, spheres, spread, inverse_squared_move }
     }
 }
 
@@ -396,7 +384,7 @@ fn check_count(n_links: usize) -> Result<()> {
 fn split(mut spheres: Vec<Sphere>, clusters: &mut Vec<Cluster>) {
     if spheres.len() <= CLUSTER {
         if !spheres.is_empty() {
-            clusters.push(Cluster { bound: bound(&spheres), spheres });
+            clusters.push(Cluster::new(bound(&spheres), spheres));
         }
         return;
     }
@@ -408,6 +396,11 @@ fn split(mut spheres: Vec<Sphere>, clusters: &mut Vec<Cluster>) {
     let others = spheres.split_off(spheres.len() / 2);
     split(spheres, clusters);
     split(others, clusters);
+}
+
+/// Largest distance of a sphere's centre from a point.
+fn spread(from: Vec3, spheres: &[Sphere]) -> f32 {
+    spheres.iter().map(|sphere| length(sphere.center - from)).fold(0.0, f32::max)
 }
 
 /// A sphere around `spheres`.
@@ -424,80 +417,6 @@ fn bound(spheres: &[Sphere]) -> Sphere {
         .iter()
         .fold(0.0, |most: f32, sphere| most.max(length(sphere.center - center) + sphere.radius));
     Sphere { center, radius }
-}
-
-impl MovingFrame {
-    fn new(robot: &Robot, step: &Move<'_>) -> Self {
-        let Move { parent, body, joint, follower, .. } = *step;
-        let (pose, motion) = match follower {
-            Some(follower) => (follower.parent_from_joint, follower.motion),
-            None => (robot.joints[joint].parent_from_joint(), robot.joints[joint].motion),
-        };
-        let follows = follower.map(|it| (it.multiplier as f32, it.offset as f32));
-        let columns = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| pose.rotation * axis);
-        let quarter = |column: DVec3| {
-            let axis = column
-                .to_array()
-                .iter()
-                .position(|e| (e.abs() - 1.0).abs() < QUARTER_TURN_SLACK)?;
-            Some((axis, if column[axis] > 0.0 { 1.0 } else { -1.0 }))
-        };
-        let rotation = match columns.map(quarter) {
-            [Some(x), Some(y), Some(z)] => Rotation::QuarterTurns([x, y, z]),
-            _ => Rotation::General(Mat3::from_cols(
-                columns[0].as_vec3(),
-                columns[1].as_vec3(),
-                columns[2].as_vec3(),
-            )),
-        };
-        let translation = pose.translation.as_vec3();
-        Self { parent, body, joint, follows, rotation, translation, motion }
-    }
-
-    /// Its position where its joint is at `q`.
-    fn position(&self, q: f32) -> f32 {
-        self.follows.map_or(q, |(multiplier, offset)| multiplier * q + offset)
-    }
-}
-
-impl Frame {
-    const IDENTITY: Self = Self { axes: Vec3::AXES, origin: Vec3::ZERO };
-
-    fn vector(&self, v: Vec3) -> Vec3 {
-        self.axes[0] * v.x + self.axes[1] * v.y + self.axes[2] * v.z
-    }
-
-    /// The axis about or along which the joint moves that carries this frame.
-    pub(super) const fn axis(&self) -> Vec3 {
-        self.axes[2]
-    }
-
-    pub(super) const fn origin(&self) -> Vec3 {
-        self.origin
-    }
-
-    /// A point of this frame in the world.
-    pub(super) fn point(&self, point: Vec3) -> Vec3 {
-        self.vector(point) + self.origin
-    }
-
-    /// The frame of the joint that follows, turned by `q`.
-    fn after(&self, joint: &MovingFrame, q: f32) -> Self {
-        let [x, y, z] = match joint.rotation {
-            Rotation::QuarterTurns(turns) => turns.map(|(axis, sign)| self.axes[axis] * sign),
-            Rotation::General(rotation) => {
-                [rotation.x_axis, rotation.y_axis, rotation.z_axis].map(|axis| self.vector(axis))
-            }
-        };
-        let origin = self.point(joint.translation);
-        match joint.motion {
-            JointMotion::Slide => Self { axes: [x, y, z], origin: origin + z * q },
-            JointMotion::Turn => {
-                let (sin, cos) = libm::sincosf(q);
-                Self { axes: [x * cos + y * sin, y * cos - x * sin, z], origin }
-            }
-        }
-    }
 }
 
 #[cfg(test)]

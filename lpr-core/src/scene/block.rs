@@ -4,10 +4,11 @@
 //! spheres, the hand before the links behind it, and the first hit in any lane ends the check.
 
 use super::arm_spheres::{
-    ArmPart, ArmSpheres, CLUSTER, Cluster, LinkSpheres, MAX_FOLLOWERS, MAX_LINKS, Rotation,
+    ArmPart, ArmSpheres, CLUSTER, Cluster, LinkBits, LinkSpheres, MAX_FOLLOWERS, MAX_LINKS,
 };
 use super::contents::Scene;
-use super::frames::{Frames, MAX_WIDTH};
+use super::frames::{Frames, MAX_WIDTH, Rotation};
+use super::sweep::{Pace, Sweep, Unseen};
 use crate::lanes::{Floats, Vec3s, sincos};
 use crate::robot::{DOF, JointConfig, JointMotion, MAX_JOINTS};
 use arrayvec::ArrayVec;
@@ -25,6 +26,8 @@ pub(super) struct Checked {
     pub(super) is_free: bool,
     /// Configurations looked at.
     pub(super) n_checks: u64,
+    /// What was not seen of a free motion, if it was to be measured.
+    pub(super) unseen: Option<Unseen>,
 }
 
 /// Place of a motion's configurations in its equal steps.
@@ -44,33 +47,49 @@ pub(super) struct Sampled<'a> {
     /// Equal steps from `a` to `b`; a few more are taken, at most [`MAX_STEPS`].
     pub(super) n_steps: usize,
     pub(super) looks: Looks,
+    /// Bits of the links to look at.
+    pub(super) links: LinkBits,
 }
 
 impl Scene {
     /// True if the arm at `config` meets neither the scene nor itself.
     #[must_use]
     pub fn is_free(&self, arm: &ArmSpheres, config: &JointConfig) -> bool {
-        motion_is_free(self, arm, Sampled { a: config, b: config, n_steps: 1, looks: Looks::Ends })
-            .is_free
+        motion_is_free(
+            self,
+            arm,
+            Sampled { a: config, b: config, n_steps: 1, looks: Looks::Ends, links: LinkBits::MAX },
+            None,
+        )
+        .is_free
     }
 }
 
 /// Checks the configurations of a motion.
-pub(super) fn motion_is_free(scene: &Scene, arm: &ArmSpheres, motion: Sampled<'_>) -> Checked {
+pub(super) fn motion_is_free(
+    scene: &Scene,
+    arm: &ArmSpheres,
+    motion: Sampled<'_>,
+    sweep: Option<&Sweep>,
+) -> Checked {
     let is_looked_at = |end: &JointConfig| end.is_finite() && arm.has_joints_of(end);
     if !(is_looked_at(motion.a) && is_looked_at(motion.b)) {
-        return Checked { is_free: false, n_checks: 0 };
+        return Checked { is_free: false, n_checks: 0, unseen: None };
     }
-    let motion =
-        Sampled { n_steps: motion.n_steps.clamp(1, MAX_STEPS).next_multiple_of(BLOCK), ..motion };
+    let motion = Sampled { n_steps: whole_blocks(motion.n_steps), ..motion };
     // Arrays of the built-in arms' size stay as small as they can be.
     if arm.dof() <= DOF && arm.is_serial() {
-        dispatch!(arm.level, simd => rake::<_, DOF, { DOF + 1 }, true>(simd, scene, arm, motion))
+        dispatch!(arm.level, simd => rake::<_, DOF, { DOF + 1 }, true>(simd, scene, arm, motion, sweep))
     } else {
         dispatch!(arm.level, simd => {
-            rake::<_, MAX_JOINTS, { 1 + MAX_JOINTS + MAX_FOLLOWERS }, false>(simd, scene, arm, motion)
+            rake::<_, MAX_JOINTS, { 1 + MAX_JOINTS + MAX_FOLLOWERS }, false>(simd, scene, arm, motion, sweep)
         })
     }
+}
+
+/// At least as many steps that the lanes of any width can share, at most [`MAX_STEPS`].
+pub(super) fn whole_blocks(n_steps: usize) -> usize {
+    n_steps.clamp(1, MAX_STEPS).next_multiple_of(BLOCK)
 }
 
 /// Lanes are spread evenly over the motion and step back together: a collision anywhere shows
@@ -82,22 +101,31 @@ fn rake<S: Simd, const J: usize, const B: usize, const IS_SERIAL: bool>(
     scene: &Scene,
     arm: &ArmSpheres,
     motion: Sampled<'_>,
+    sweep: Option<&Sweep>,
 ) -> Checked {
-    let Sampled { a, b, n_steps: n, looks } = motion;
+    let Sampled { a, b, n_steps: n, looks, links } = motion;
     let (a, b) = (a.to_array::<J>(), b.to_array::<J>());
     let width = Floats::<S>::LEN;
     let stride = n.div_ceil(width);
+    let mut pace = sweep.map(|_| Pace::new(simd, arm));
     for step in 0..stride {
         let fraction = fractions(simd, stride, step, n, looks);
         let mut q = [fraction; J];
         for j in 0..J {
             q[j] = fraction * (b[j] - a[j]) + a[j];
         }
-        if !block_is_free::<S, J, B, IS_SERIAL>(simd, scene, arm, &q) {
-            return Checked { is_free: false, n_checks: ((step + 1) * width).min(n) as u64 };
+        let mut frames = [Frames::identity(simd); B];
+        forward_kinematics::<S, J, B, IS_SERIAL>(simd, arm, &q, &mut frames);
+        if !block_is_free(simd, scene, arm, links, &frames) {
+            let n_checks = ((step + 1) * width).min(n) as u64;
+            return Checked { is_free: false, n_checks, unseen: None };
+        }
+        if let (Some(pace), Some(sweep)) = (&mut pace, sweep) {
+            pace.measure::<B, IS_SERIAL>(simd, arm, sweep, &frames);
         }
     }
-    Checked { is_free: true, n_checks: n as u64 }
+    let unseen = pace.as_ref().zip(sweep).and_then(|(pace, sweep)| pace.unseen(arm, sweep));
+    Checked { is_free: true, n_checks: n as u64, unseen }
 }
 
 /// Fractions of a motion of `n` steps at which the lanes are; lanes beyond the last repeat it.
@@ -112,19 +140,21 @@ fn fractions<S: Simd>(simd: S, stride: usize, step: usize, n: usize, looks: Look
 }
 
 #[inline(always)]
-fn block_is_free<S: Simd, const J: usize, const B: usize, const IS_SERIAL: bool>(
+fn block_is_free<S: Simd>(
     simd: S,
     scene: &Scene,
     arm: &ArmSpheres,
-    q: &[Floats<S>; J],
+    links: LinkBits,
+    frames: &[Frames<S>],
 ) -> bool {
-    let mut frames = [Frames::identity(simd); B];
-    forward_kinematics::<S, J, B, IS_SERIAL>(simd, arm, q, &mut frames);
     let mut bounds = ArrayVec::<Vec3s<S>, MAX_LINKS>::new();
     for (idx, link) in arm.links.iter().enumerate() {
         let frame = &frames[link.body];
         let bound = frame.point(link.bound.center);
         bounds.push(bound);
+        if links >> idx & 1 == 0 {
+            continue;
+        }
         let points = match link.part {
             ArmPart::Base => continue,
             ArmPart::Arm => &scene.arm_points,
@@ -135,19 +165,21 @@ fn block_is_free<S: Simd, const J: usize, const B: usize, const IS_SERIAL: bool>
             return false;
         }
     }
-    !meets_itself(simd, arm, &frames, &bounds)
+    !meets_itself(simd, arm, links, frames, &bounds)
 }
 
 #[inline(always)]
 fn meets_itself<S: Simd>(
     simd: S,
     arm: &ArmSpheres,
+    links: LinkBits,
     frames: &[Frames<S>],
     bounds: &[Vec3s<S>],
 ) -> bool {
     for &(a, b) in &arm.self_pairs {
         let (link_a, link_b) = (&arm.links[a], &arm.links[b]);
         if overlap(bounds[a], link_a.bound.radius, bounds[b], link_b.bound.radius)
+            && (links >> a | links >> b) & 1 == 1
             && links_meet(
                 simd,
                 (link_a, &frames[link_a.body]),

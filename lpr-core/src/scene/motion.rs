@@ -1,9 +1,11 @@
 //! Checks of straight joint-space motions.
 
 use super::arm_spheres::ArmSpheres;
-use super::block::{self, Looks, Sampled};
+use super::arm_spheres::LinkBits;
+use super::block::{self, Checked, Looks, Sampled};
 use super::contents::Scene;
 use super::proximity::Proximity;
+use super::sweep::{LookSpacing, Sweep};
 use crate::robot::JointConfig;
 use core::cell::Cell;
 use core::fmt;
@@ -34,12 +36,14 @@ pub struct MotionChecker<'a> {
     /// Configurations per radian of joint-space distance.
     checks_per_radian: f32,
     n_checks: Cell<u64>,
+    /// True if also the motions of a search are looked at as closely as a path.
+    is_exact: bool,
     stop: Option<&'a dyn Fn() -> bool>,
 }
 
 impl fmt::Debug for MotionChecker<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { scene, arm, checks_per_radian, n_checks, stop: _ } = self;
+        let Self { scene, arm, checks_per_radian, n_checks, is_exact: _, stop: _ } = self;
         let mut debug = f.debug_struct("MotionChecker");
         debug
             .field("scene", scene)
@@ -55,7 +59,7 @@ impl<'a> MotionChecker<'a> {
     /// distance.
     #[must_use]
     pub const fn new(scene: &'a Scene, arm: &'a ArmSpheres, checks_per_radian: f32) -> Self {
-        Self { scene, arm, checks_per_radian, n_checks: Cell::new(0), stop: None }
+        Self { scene, arm, checks_per_radian, n_checks: Cell::new(0), stop: None, is_exact: false }
     }
 
     /// The same, for planners that give up with
@@ -117,6 +121,12 @@ impl<'a> MotionChecker<'a> {
         Self { checks_per_radian: factor * self.checks_per_radian, n_checks: Cell::new(0), ..*self }
     }
 
+    /// The same checks at `factor` times the resolution, counted anew, each motion looked at as
+    /// closely as a path.
+    pub(crate) fn exact(&self, factor: f32) -> Self {
+        Self { is_exact: true, ..self.finer(factor) }
+    }
+
     /// Counts the checks of another checker as this one's.
     pub(crate) fn count(&self, other: &Self) {
         self.n_checks.set(self.n_checks.get() + other.n_checks.get());
@@ -145,30 +155,85 @@ impl<'a> MotionChecker<'a> {
 
     /// True if the straight motion from `a`, which is not looked at, to `b` is free.
     ///
-    /// It is looked at in equal steps: eight, or a multiple of eight.
+    /// It is looked at in equal steps: eight, or a multiple of eight. A small sphere that moves fast
+    /// may pass something between two of them: this is for edges of a search. Who returns a path
+    /// asks [`Self::path_is_free`].
     #[must_use]
     pub fn motion_is_free(&self, a: &JointConfig, b: &JointConfig) -> bool {
-        self.look(a, b, Looks::Ends)
+        let spacing = LookSpacing { between: 1.0, from_measured: 1.0 };
+        self.look(a, b, Looks::Ends, self.is_exact.then_some(spacing))
     }
 
     /// True if a motion that [`Self::motion_is_free`] found free, in whichever direction, is also free
-    /// half-way between the configurations that it looked at.
+    /// half-way between the configurations that it looked at, and wherever something deeper than
+    /// 1 mm could be between these.
     pub(crate) fn is_free_between(&self, a: &JointConfig, b: &JointConfig) -> bool {
-        self.look(a, b, Looks::Middles)
+        self.look(a, b, Looks::Middles, Some(LookSpacing { between: 0.5, from_measured: 0.5 }))
     }
 
-    fn look(&self, a: &JointConfig, b: &JointConfig, looks: Looks) -> bool {
-        let n_steps = libm::ceilf(a.distance(b) * self.checks_per_radian) as usize;
-        let checked = block::motion_is_free(self.scene, self.arm, Sampled { a, b, n_steps, looks });
+    /// Looks at a motion; with a `spacing`, of the looks at it then, also closer where that leaves
+    /// something unseen.
+    fn look(
+        &self,
+        a: &JointConfig,
+        b: &JointConfig,
+        looks: Looks,
+        spacing: Option<LookSpacing>,
+    ) -> bool {
+        let n = block::whole_blocks(libm::ceilf(a.distance(b) * self.checks_per_radian) as usize);
+        let motion = Sampled { a, b, n_steps: n, looks, links: LinkBits::MAX };
+        let sweep = spacing.and_then(|spacing| Sweep::new(self.arm, (a, b), n, spacing));
+        let checked = self.counted(motion, sweep.as_ref());
+        let Some(unseen) = checked.unseen else {
+            return checked.is_free;
+        };
+        // Half-way between all looks so far, if that is close enough.
+        let n_looks = if looks == Looks::Middles { 2 * n } else { n };
+        let n_needed = libm::ceilf(unseen.refinement * n as f32) as usize;
+        let (n_steps, looks) = if n_needed <= 2 * n_looks {
+            (n_looks, Looks::Middles)
+        } else {
+            (n_needed, Looks::Ends)
+        };
+        self.counted(Sampled { n_steps, looks, links: unseen.links, ..motion }, None).is_free
+    }
+
+    fn counted(&self, motion: Sampled<'_>, sweep: Option<&Sweep>) -> Checked {
+        let checked = block::motion_is_free(self.scene, self.arm, motion, sweep);
         self.n_checks.set(self.n_checks.get() + checked.n_checks);
-        checked.is_free
+        checked
     }
 
-    /// True if the path through `configs` is free, its first configuration included.
+    /// True if the path through `configs` is free, its first configuration included: at this
+    /// checker's resolution, and closer where something deeper than 1 mm could lie between two looks.
+    ///
+    /// A ball of 5 mm on the end of an arm of a metre swings through a wire:
+    ///
+    /// ```
+    /// use lpr_core::glamx::Vec3;
+    /// use lpr_core::robot::{JointConfig, Robot};
+    /// use lpr_core::scene::{ArmSpheres, MotionChecker, Primitive, Scene};
+    ///
+    /// let urdf = r#"<robot name="arm"><link name="base"/><link name="ball"><collision>
+    ///   <origin xyz="1 0 0"/><geometry><sphere radius="0.005"/></geometry></collision></link>
+    ///   <joint name="turn" type="revolute"><parent link="base"/><child link="ball"/><axis xyz="0 0 1"/>
+    ///   <limit lower="-3" upper="3" velocity="1" effort="1"/></joint></robot>"#;
+    /// let robot = Robot::from_urdf(urdf, None, None, &|_| None)?;
+    /// let (end, low) = (Vec3::new(0.52_f32.cos(), 0.52_f32.sin(), 1.0), -2.0 * Vec3::Z);
+    /// let wire = Primitive::Capsule { a: end, b: end + low, radius: 0.001 };
+    /// let (scene, arm) = (Scene::from_primitives(vec![wire]), ArmSpheres::from_description(&robot)?);
+    /// let checker = MotionChecker::new(&scene, &arm, 32.0);
+    /// let at = |q| JointConfig::from_fn(1, |_| q);
+    /// assert!(!checker.path_is_free(&[at(-1.0), at(1.0)]));
+    /// # Ok::<(), lpr_core::Error>(())
+    /// ```
     #[must_use]
     pub fn path_is_free(&self, configs: &[JointConfig]) -> bool {
-        configs.first().is_none_or(|start| self.is_free(start))
-            && configs.windows(2).all(|pair| self.motion_is_free(&pair[0], &pair[1]))
+        let exact = Self { is_exact: true, n_checks: Cell::new(0), ..*self };
+        let is_free = configs.first().is_none_or(|start| exact.is_free(start))
+            && configs.windows(2).all(|pair| exact.motion_is_free(&pair[0], &pair[1]));
+        self.count(&exact);
+        is_free
     }
 }
 
@@ -216,7 +281,7 @@ mod tests {
     /// Decides the second look: an obstacle so small that the first may
     /// step over it.
     #[test]
-    fn looks_at_and_between_the_checks_are_those_of_twice_the_resolution() {
+    fn looks_at_and_between_the_checks_see_what_an_exact_check_sees() {
         let robot = stick_arm();
         let arm = ArmSpheres::new(&robot);
         let at =
@@ -238,7 +303,7 @@ mod tests {
                 (coarse.motion_is_free(&a, &b), coarse.is_free_between(&a, &b));
             assert_eq!(
                 is_free && is_free_between,
-                coarse.finer(2.0).motion_is_free(&a, &b),
+                coarse.exact(2.0).motion_is_free(&a, &b),
                 "ball at {angle}"
             );
             assert_eq!(

@@ -1,5 +1,7 @@
+use super::arm_spheres::LinkBits;
 use super::block::{Looks, Sampled};
 use super::stick_arm::{is_free_by_brute_force, stick_arm};
+use super::sweep::{LookSpacing, Sweep, Unseen};
 use super::*;
 use crate::robot::{Joint, JointConfig, JointMotion, JointOrigin, Link, Robot, Sphere};
 use fearless_simd::Level;
@@ -176,10 +178,16 @@ proptest! {
         let arm = ArmSpheres::new(&stick_arm());
         let n = n_steps.next_multiple_of(8);
         for (looks, before) in [(Looks::Ends, 0.0), (Looks::Middles, 0.5)] {
-            let motion = Sampled { a: &a, b: &b, n_steps, looks };
-            let decisions: Vec<bool> =
-                levels().into_iter().map(|level| block::motion_is_free(&scene, &at_level(&arm, level), motion).is_free).collect();
+            let motion = Sampled { a: &a, b: &b, n_steps, looks, links: LinkBits::MAX };
+            let spacing = LookSpacing { between: 0.5, from_measured: 1.0 };
+            let sweep = Sweep::new(&arm, (&a, &b), n, spacing);
+            let checked = levels().into_iter().map(|level| {
+                block::motion_is_free(&scene, &at_level(&arm, level), motion, sweep.as_ref())
+            });
+            let (decisions, unseen): (Vec<bool>, Vec<Option<Unseen>>) =
+                checked.map(|checked| (checked.is_free, checked.unseen)).unzip();
             prop_assert!(decisions.iter().all(|d| *d == decisions[0]), "{:?}", decisions);
+            prop_assert!(unseen.iter().all(|u| *u == unseen[0]), "{:?}", unseen);
             // A motion is free when all of its configurations are.
             let free = (1..=n).all(|i| scene.is_free(&arm, &a.lerp(&b, (i as f32 - before) / n as f32)));
             prop_assert_eq!(decisions[0], free, "{:?}", looks);

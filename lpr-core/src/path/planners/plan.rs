@@ -41,8 +41,9 @@ pub struct Plan {
 /// The straight motion to a goal if one is free, else what `search` finds to the goals that are.
 ///
 /// The edges of the path found, which `search` has checked, are looked at once more half-way
-/// between those checks. Should one turn out to hit something there, the search is repeated at
-/// [`FINER`] times the resolution.
+/// between those checks, and closer where something deeper than 1 mm could lie between. Should one
+/// turn out to hit something there, the search is repeated at [`FINER`] times the resolution, and
+/// with all of its edges looked at that closely.
 pub(super) fn search_twice(
     checker: &MotionChecker<'_>,
     start: &JointConfig,
@@ -58,7 +59,7 @@ pub(super) fn search_twice(
     if plan.path.configs().windows(2).all(|edge| checker.is_free_between(&edge[0], &edge[1])) {
         return Ok(plan);
     }
-    let fine = checker.finer(FINER);
+    let fine = checker.exact(FINER);
     let finer = search(&fine);
     checker.count(&fine);
     finer.map(|finer| Plan { iterations: plan.iterations + finer.iterations, ..finer })

@@ -22,9 +22,10 @@ const CUTS: [f32; 4] = [1.0, 0.75, 0.5, 0.25];
 /// A free path with the same ends as the free path `path`, no longer than it, whose corners are cut
 /// where there is room.
 ///
-/// The result is looked at once more, at [`FINER`] times the checker's resolution. Should it turn
-/// out to hit something between two checks, `path` is simplified at that resolution; should that
-/// touch something still, it stays as it is.
+/// The result is looked at once more, at [`FINER`] times the checker's resolution, and closer where
+/// something deeper than 1 mm could lie between. Should it turn out to hit something between two
+/// checks, `path` is simplified at that resolution; should that touch something still, it stays as
+/// it is.
 ///
 /// ```
 /// use lpr_core::glamx::Vec3;
@@ -51,7 +52,7 @@ const CUTS: [f32; 4] = [1.0, 0.75, 0.5, 0.25];
 /// ```
 #[must_use]
 pub fn simplify(path: &JointPath, checker: &MotionChecker<'_>) -> JointPath {
-    let fine = checker.finer(FINER);
+    let fine = checker.exact(FINER);
     let simple = [checker, &fine]
         .into_iter()
         .map(|checker| simplify_at(path, checker))
