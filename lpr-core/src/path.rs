@@ -30,5 +30,5 @@ pub use rejection::Rejection;
 pub use source::Source;
 pub use timing::{
     GripSpeedLimit, JointState, MotionLimits, SmoothPath, TimedPath, TimingSettings, Trajectory,
-    time_optimal,
+    free_curve, time_optimal,
 };

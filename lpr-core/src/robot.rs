@@ -28,6 +28,7 @@ mod xml;
 use crate::error::{Error, Result};
 
 pub use fit::MAX_SPHERES;
+pub(crate) use fit::{Solid, cover};
 pub use follower::Follower;
 pub use geometry::{Finger, GripperBox, MAX_OVERSHOOT};
 pub use gripper::{Gripper, GripperSpec};

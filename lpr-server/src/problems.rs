@@ -3,7 +3,8 @@
 use crate::files::{self, FileError, Result};
 use crate::formats::unit_quaternion;
 use lpr_core::glamx::{Pose3, Quat, Vec3};
-use lpr_core::scene::{Primitive, Scene};
+use lpr_core::robot::Sphere;
+use lpr_core::scene::{ArmSpheres, Primitive, Scene};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -46,6 +47,24 @@ pub struct Problem {
     #[serde(default)]
     points: Vec<[f32; 3]>,
     point_radius: Option<f32>,
+    attached: Option<AttachedJson>,
+}
+
+/// What the tip carries: solids in its frame.
+#[derive(Debug, Clone, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct AttachedJson {
+    #[serde(default)]
+    spheres: Vec<SphereJson>,
+    #[serde(default)]
+    cuboids: Vec<CuboidJson>,
+    #[serde(default)]
+    capsules: Vec<CapsuleJson>,
+    #[serde(default)]
+    cylinders: Vec<CylinderJson>,
+    /// Names of the links that may touch it.
+    #[serde(default)]
+    touching: Vec<String>,
 }
 
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -98,24 +117,11 @@ impl Problem {
     /// Naming a number that is not finite or more than a kilometre, a size below 0, or a quaternion
     /// that is none.
     pub fn scene(&self, path: &Path, idx: usize) -> Result<Scene> {
-        let at_fault = |list: &str, i: usize| {
-            let field = format!("problems[{idx}].{list}[{i}]");
-            move |reason: String| FileError::content(path, format!("{field}.{reason}"))
-        };
-        let mut primitives = Vec::new();
-        for (i, sphere) in self.spheres.iter().enumerate() {
-            primitives.push(sphere.primitive().map_err(at_fault("spheres", i))?);
-        }
-        for (i, cuboid) in self.cuboids.iter().enumerate() {
-            primitives.push(cuboid.primitive().map_err(at_fault("cuboids", i))?);
-        }
-        for (i, capsule) in self.capsules.iter().enumerate() {
-            primitives.push(capsule.primitive().map_err(at_fault("capsules", i))?);
-        }
-        for (i, cylinder) in self.cylinders.iter().enumerate() {
-            primitives.push(cylinder.primitive().map_err(at_fault("cylinders", i))?);
-        }
-        let scene = Scene::from_primitives(primitives);
+        let Self { spheres, cuboids, capsules, cylinders, .. } = self;
+        let scene = Scene::from_primitives(
+            primitives(spheres, cuboids, capsules, cylinders)
+                .map_err(|reason| FileError::content(path, format!("problems[{idx}].{reason}")))?,
+        );
         if self.points.is_empty() {
             return Ok(scene);
         }
@@ -129,6 +135,53 @@ impl Problem {
         });
         Ok(scene.with_points(&points.collect::<Result<Vec<Vec3>>>()?, point_radius))
     }
+
+    /// `arm` with what problem `idx` of the file at `path` attaches to its tip.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::scene`], and when `touching` names a link that has no spheres.
+    pub fn attach(&self, arm: &ArmSpheres, path: &Path, idx: usize) -> Result<ArmSpheres> {
+        let Some(attached) = &self.attached else {
+            return Ok(arm.clone());
+        };
+        let at_fault =
+            |reason: String| FileError::content(path, format!("problems[{idx}].attached.{reason}"));
+        let AttachedJson { spheres, cuboids, capsules, cylinders, touching } = attached;
+        let solids = primitives(spheres, cuboids, capsules, cylinders).map_err(at_fault)?;
+        let touching: Vec<&str> = touching.iter().map(String::as_str).collect();
+        let spheres: Vec<Vec<Sphere>> = solids
+            .iter()
+            .map(Primitive::covering_spheres)
+            .collect::<Result<_, lpr_core::Error>>()
+            .map_err(|error| at_fault(error.to_string()))?;
+        arm.with_attached(&spheres.concat(), &touching)
+            .map_err(|error| at_fault(format!("touching: {error}")))
+    }
+}
+
+/// The solids of four lists, in their order, or what is wrong with which.
+fn primitives(
+    spheres: &[SphereJson],
+    cuboids: &[CuboidJson],
+    capsules: &[CapsuleJson],
+    cylinders: &[CylinderJson],
+) -> Checked<Vec<Primitive>> {
+    fn list<T>(
+        name: &str,
+        list: &[T],
+        read: fn(&T) -> Checked<Primitive>,
+    ) -> Checked<Vec<Primitive>> {
+        let read = |(i, item)| read(item).map_err(|reason| format!("{name}[{i}].{reason}"));
+        list.iter().enumerate().map(read).collect()
+    }
+    Ok([
+        list("spheres", spheres, SphereJson::primitive)?,
+        list("cuboids", cuboids, CuboidJson::primitive)?,
+        list("capsules", capsules, CapsuleJson::primitive)?,
+        list("cylinders", cylinders, CylinderJson::primitive)?,
+    ]
+    .concat())
 }
 
 /// A value or what is wrong with which field.

@@ -305,3 +305,109 @@ fn descriptions_that_are_broken_or_do_not_go_with_the_arm_are_refused() {
         assert!(refusal(&["plan", "--problems", &configs, option, value], 2).contains(says));
     }
 }
+
+#[test]
+fn a_path_is_timed_under_the_names_of_a_ros_trajectory() {
+    let folder = Folder::new();
+    let report = plan(
+        &folder,
+        &[around_a_post(), around_a_post()],
+        &["--simplify", "--timed", &folder.at("timed"), "--period", "0.02"],
+    );
+    let result = &report["results"][1];
+    let duration = result["timed"]["duration_secs"].as_f64().expect("it is timed");
+    assert_eq!(result["timed"]["file"], "0001_post");
+    let read = |name: &str| std::fs::read_to_string(folder.at(name)).unwrap();
+    let trajectory: Value = serde_json::from_str(&read("timed/0001_post.json")).unwrap();
+    let names: Vec<&str> = trajectory["joint_names"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|it| it.as_str().unwrap())
+        .collect();
+    assert_eq!(names, ["joint1", "joint2", "joint3", "joint4", "joint5", "joint6", "joint7"]);
+
+    let points = trajectory["points"].as_array().unwrap();
+    let row = |point: &Value, field: &str| -> Vec<f64> {
+        point[field].as_array().unwrap().iter().map(|it| it.as_f64().unwrap()).collect()
+    };
+    let secs = |point: &Value| {
+        let time = &point["time_from_start"];
+        time["sec"].as_f64().unwrap() + 1e-9 * time["nanosec"].as_f64().unwrap()
+    };
+    assert!((secs(&points[points.len() - 1]) - duration).abs() < 1e-8);
+    for (end, config) in [(0, 0), (points.len() - 1, result["path"].as_array().unwrap().len() - 1)]
+    {
+        for (j, angle) in row(&points[end], "positions").iter().enumerate() {
+            let wanted = result["path"][config][j].as_f64().unwrap();
+            assert!((angle - wanted).abs() < 1e-5, "joint {j}: {angle} for {wanted}");
+        }
+        assert!(row(&points[end], "velocities").iter().all(|speed| speed.abs() < 1e-6));
+    }
+    // Positions are those of the velocities, and these of the accelerations.
+    for pair in points.windows(2) {
+        let dt = secs(&pair[1]) - secs(&pair[0]);
+        for (field, rate) in [("positions", "velocities"), ("velocities", "accelerations")] {
+            for j in 0..7 {
+                let moved = row(&pair[1], field)[j] - row(&pair[0], field)[j];
+                let rates = [&pair[0], &pair[1]].map(|point| row(point, rate)[j]);
+                let most = rates[0].abs().max(rates[1].abs());
+                assert!(moved.abs() < most * dt + 0.2 * dt.max(0.005), "{field} of joint {j}");
+            }
+        }
+        assert!(row(&pair[0], "velocities").iter().all(|speed| speed.abs() < 3.15), "the xArm7's");
+    }
+
+    let csv = read("timed/0001_post.csv");
+    let mut lines = csv.lines();
+    let head = lines.next().unwrap();
+    assert!(head.starts_with(r#"time_from_start,"positions.joint1","positions.joint2""#), "{head}");
+    assert!(head.ends_with(r#""accelerations.joint7""#), "{head}");
+    let second: Vec<f64> =
+        lines.nth(1).unwrap().split(',').map(|value| value.parse().unwrap()).collect();
+    assert_eq!(second.len(), 22);
+    assert_eq!(second[1..8], row(&points[1], "positions")[..]);
+
+    let again = folder.at("problems.json");
+    let arguments = ["plan", "--problems", &again, "--timed", &folder.at("timed")];
+    assert!(refusal(&arguments, 1).contains("timed"), "an old result stays");
+}
+
+#[test]
+fn what_the_tip_carries_must_not_touch_anything_either() {
+    let folder = Folder::new();
+    // Level with the tip, 30 cm beyond it.
+    let problem = |attached: Value| {
+        value!({"name": "stick", "start": [0, 0, 0], "goals": [[0.5, 0, 0]],
+            "spheres": [{"center": [1.3, 0, 0.5], "radius": 0.02}], "attached": attached})
+    };
+    let stick = value!({"cuboids": [{"center": [0.15, 0, 0], "rotation_xyzw": [0, 0, 0, 1], "half_extents": [0.2, 0.01, 0.01]}], "touching": ["wrist"]});
+    let rod = value!({"cylinders": [{"center": [0.15, 0, 0], "rotation_xyzw": [0, 0.70710678, 0, 0.70710678], "radius": 0.01, "half_length": 0.2}], "touching": ["wrist"]});
+    let finger = value!({"capsules": [{"a": [0.05, 0, 0], "b": [0.35, 0, 0], "radius": 0.01}], "touching": ["wrist"]});
+    let beads = value!({"spheres": [{"center": [0.3, 0, 0], "radius": 0.03}]});
+    let short = value!({"capsules": [{"a": [0.05, 0, 0], "b": [0.15, 0, 0], "radius": 0.01}], "touching": ["wrist"]});
+    let arm = folder.write("planar.urdf", PLANAR_ARM);
+    let planned = |attached: &Value| {
+        let file = value!({"robot": "planar", "problems": [problem(attached.clone())]});
+        let file = folder.write("held.json", file.to_string());
+        json(&["plan", "--robot", &arm, "--problems", &file])["results"][0].clone()
+    };
+    for attached in [&stick, &rod, &finger, &beads] {
+        let result = planned(attached);
+        assert_eq!(result["reason"], "start_collides", "{result}");
+        let contact = result["contact"].as_str().unwrap();
+        assert!(contact.starts_with("link attached and the sphere at 1.300"), "{contact}");
+    }
+    assert_eq!(planned(&short)["solved"], true);
+
+    let refused = |attached: Value| {
+        let file = value!({"robot": "planar", "problems": [problem(attached)]});
+        let file = folder.write("held.json", file.to_string());
+        refusal(&["plan", "--robot", &arm, "--problems", &file], 1)
+    };
+    let error =
+        refused(value!({"spheres": [{"center": [0, 0, 0], "radius": 1}], "touching": ["hand"]}));
+    assert!(error.contains("problems[0].attached.touching") && error.contains("hand"), "{error}");
+    let error = refused(value!({"spheres": [{"center": [0, 0, 0], "radius": -1}]}));
+    assert!(error.contains("problems[0].attached.spheres[0].radius: is -1"), "{error}");
+}

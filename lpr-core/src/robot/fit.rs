@@ -39,7 +39,7 @@ const ROUNDING: f64 = 2e-6;
 
 /// Geometry around its own origin, lengths in metres. Cylinders and capsules lie along z.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Solid {
+pub(crate) enum Solid {
     Ball {
         radius: f64,
     },
@@ -62,14 +62,14 @@ pub(super) enum Solid {
 
 /// Spheres that cover a solid, in its frame.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Cover {
-    pub(super) spheres: Vec<Sphere>,
+pub(crate) struct Cover {
+    pub(crate) spheres: Vec<Sphere>,
     /// Furthest that a sphere reaches beyond the solid, metres.
-    pub(super) overshoot: f32,
+    pub(crate) overshoot: f32,
 }
 
 /// The spheres of a solid; the message of a mesh that is too large to sample is the only failure.
-pub(super) fn cover(solid: &Solid) -> Result<Cover, String> {
+pub(crate) fn cover(solid: &Solid) -> Result<Cover, String> {
     match solid {
         Solid::Ball { radius } => Ok(Cover {
             spheres: vec![Sphere { center: glamx::Vec3::ZERO, radius: *radius as f32 }],

@@ -1,7 +1,9 @@
 //! Primitive obstacles and the distance of a point to them.
 
 use super::shape::Shape;
-use glamx::{Pose3, Vec3};
+use crate::error::{Error, Result};
+use crate::robot::{Solid, Sphere, cover};
+use glamx::{Pose3, Quat, Vec3};
 
 /// A solid obstacle in the world frame. Lengths in metres.
 ///
@@ -119,6 +121,55 @@ impl Primitive {
             Shape::Convex { points } => hull_of(points, world_from_shape)
                 .unwrap_or_else(|| box_around(points, world_from_shape)),
         }
+    }
+
+    /// Spheres that cover the solid, as those of a link cover its geometry: what an arm carries
+    /// ([`ArmSpheres::with_attached`](super::ArmSpheres::with_attached)).
+    ///
+    /// ```
+    /// use lpr_core::glamx::{Pose3, Vec3};
+    /// use lpr_core::scene::Primitive;
+    ///
+    /// let tray = Primitive::Cuboid { world_from_box: Pose3::from_translation(Vec3::Z), half_extents: Vec3::new(0.1, 0.1, 0.01) };
+    /// let spheres = tray.covering_spheres()?;
+    /// let corner = Vec3::new(0.1, -0.1, 1.01);
+    /// assert!(spheres.iter().any(|ball| ball.center.distance(corner) <= ball.radius));
+    /// # Ok::<(), lpr_core::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    ///
+    /// For a hull, of which only the faces are known, and for a solid with numbers that are not
+    /// finite or sizes below 0.
+    pub fn covering_spheres(&self) -> Result<Vec<Sphere>> {
+        if !self.is_sound() {
+            return Err(Error::Environment(format!("{self:?}: expected finite sizes from 0 up")));
+        }
+        let (solid, pose) = match self {
+            Self::Sphere { center, radius } => {
+                return Ok(vec![Sphere { center: *center, radius: *radius }]);
+            }
+            Self::Cuboid { world_from_box, half_extents } => {
+                (Solid::Cuboid { half_extents: half_extents.as_dvec3() }, *world_from_box)
+            }
+            Self::Capsule { a, b, radius } => {
+                let axis = *b - *a;
+                let rotation = Quat::from_rotation_arc(Vec3::Z, axis.normalize_or(Vec3::Z));
+                let half_length = f64::from(0.5 * length(axis));
+                let solid = Solid::Capsule { radius: f64::from(*radius), half_length };
+                (solid, Pose3::from_parts(0.5 * (*a + *b), rotation))
+            }
+            Self::Cylinder { world_from_cylinder, radius, half_length } => {
+                let (radius, half_length) = (f64::from(*radius), f64::from(*half_length));
+                (Solid::Cylinder { radius, half_length }, *world_from_cylinder)
+            }
+            Self::Hull { .. } => {
+                return Err(Error::Environment("a hull: it cannot be covered".to_owned()));
+            }
+        };
+        let spheres = cover(&solid).map_err(Error::Environment)?.spheres;
+        let placed = |ball: Sphere| Sphere { center: pose * ball.center, radius: ball.radius };
+        Ok(spheres.into_iter().map(placed).collect())
     }
 
     /// Distance from `point` to the solid, metres; 0 inside.

@@ -1,5 +1,7 @@
 //! `lpr plan`: motion planning on a file of problems, with the time that each takes.
 
+mod timed;
+
 use super::arm::{Arm, ArmArguments, Needs};
 use super::failure::Result;
 use crate::problems::{self, Problem};
@@ -13,11 +15,12 @@ use lpr_core::scene::{ArmSpheres, MotionChecker, Scene};
 use serde::Serialize;
 use std::path::PathBuf;
 use std::time::Instant;
+use timed::{TimedArguments, TimedFile, file_name};
 
 /// Samples before a planner gives up: minutes.
 const MAX_ITERATIONS: u32 = 10_000_000;
 
-const PROBLEMS_HELP: &str = r#"Problems: {"robot": NAME, "problems": [{"name", "start": [q1, …], "goals": [[q1, …], …]}, …]}; each may have "spheres", "cuboids", "capsules", "cylinders", "points" and "point_radius""#;
+const PROBLEMS_HELP: &str = r#"Problems: {"robot": NAME, "problems": [{"name", "start": [q1, …], "goals": [[q1, …], …]}, …]}; each may have "spheres", "cuboids", "capsules", "cylinders", "points" and "point_radius", and "attached": solids in the frame of the tip, and the links "touching" them"#;
 
 #[derive(Debug, clap::Args)]
 pub(super) struct Arguments {
@@ -43,6 +46,8 @@ pub(super) struct Arguments {
     /// Shorten and smooth every path
     #[arg(long)]
     simplify: bool,
+    #[command(flatten)]
+    timed: TimedArguments,
 }
 
 /// The planner of that name.
@@ -86,9 +91,21 @@ struct ProblemResult {
     /// Length of the path in joint space, radians.
     cost: Option<f32>,
     path: Option<Vec<Vec<f32>>>,
+    /// Only with `--timed`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    timed: Option<TimedResult>,
     reason: Option<&'static str>,
     /// What touches what, and how deep, where the start or all goals touch something.
     contact: Option<String>,
+}
+
+/// The fastest motion along a path.
+#[derive(Debug, Serialize)]
+struct TimedResult {
+    /// From start to goal; null if every smooth curve along the path touches something.
+    duration_secs: Option<f64>,
+    /// Name of the files, without extension.
+    file: Option<String>,
 }
 
 /// Of the problems solved; times are null when there are none.
@@ -114,13 +131,16 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
     let spheres = ArmSpheres::from_description(&arm.robot)?;
     let file = problems::read_problems(&arguments.problems)?;
     arm.check_name(&file.robot, &arguments.problems)?;
-    let mut results = Vec::new();
+    let (mut results, mut timed) = (Vec::new(), Vec::new());
     for (idx, problem) in file.problems.iter().enumerate() {
-        let query = Query::read(arguments, &arm, problem, idx)?;
+        let query = Query::read(arguments, &arm, &spheres, problem, idx)?;
         for planner in &arguments.planner {
-            results.push(query.solve(arguments, &arm, &spheres, *planner, idx as u64));
+            let (result, file) = query.solve(arguments, &arm, *planner, idx)?;
+            results.push(result);
+            timed.extend(file);
         }
     }
+    arguments.timed.write(&arm.robot, &timed)?;
     let summary = Summary::of(&results);
     Ok(Report { results, summary })
 }
@@ -131,11 +151,19 @@ struct Query {
     start: JointConfig,
     goals: Vec<JointConfig>,
     scene: Scene,
+    /// The arm with what it holds.
+    spheres: ArmSpheres,
     world_micros: f64,
 }
 
 impl Query {
-    fn read(arguments: &Arguments, arm: &Arm, problem: &Problem, idx: usize) -> Result<Self> {
+    fn read(
+        arguments: &Arguments,
+        arm: &Arm,
+        spheres: &ArmSpheres,
+        problem: &Problem,
+        idx: usize,
+    ) -> Result<Self> {
         let path = &arguments.problems;
         let start = arm.config(&problem.start, path, &format!("problems[{idx}].start"))?;
         let goals = problem.goals.iter().enumerate();
@@ -143,20 +171,21 @@ impl Query {
             goals.map(|(i, goal)| arm.config(goal, path, &format!("problems[{idx}].goals[{i}]")));
         let goals = goals.collect::<Result<Vec<JointConfig>>>()?;
         let (scene, world_micros) = least_micros(arguments.repeats, || problem.scene(path, idx));
-        Ok(Self { name: problem.name.clone(), start, goals, scene: scene?, world_micros })
+        let spheres = problem.attach(spheres, path, idx)?;
+        let name = problem.name.clone();
+        Ok(Self { name, start, goals, scene: scene?, spheres, world_micros })
     }
 
     fn solve(
         &self,
         arguments: &Arguments,
         arm: &Arm,
-        spheres: &ArmSpheres,
         planner: PlannerKind,
-        idx: u64,
-    ) -> ProblemResult {
+        idx: usize,
+    ) -> Result<(ProblemResult, Option<TimedFile>)> {
         let ((plan, checks), planning_micros) = least_micros(arguments.repeats, || {
-            let checker = MotionChecker::new(&self.scene, spheres, arguments.checks_per_radian);
-            (self.plan(arguments, &checker, arm, planner, idx), checker.n_checks())
+            let checker = self.checker(arguments);
+            (self.plan(arguments, &checker, arm, planner, idx as u64), checker.n_checks())
         });
         let mut result = ProblemResult {
             name: self.name.clone(),
@@ -170,19 +199,34 @@ impl Query {
             checks,
             cost: None,
             path: None,
+            timed: None,
             reason: plan.as_ref().err().map(|reason| reason.name()),
-            contact: plan.as_ref().err().and_then(|reason| self.contact(spheres, *reason)),
+            contact: plan.as_ref().err().and_then(|reason| self.contact(*reason)),
         };
-        if let Ok(Plan { path, .. }) = plan {
-            let path = if arguments.simplify {
-                self.simplified(arguments, spheres, &path, &mut result)
-            } else {
-                path
-            };
-            result.cost = Some(path.length());
-            result.path = Some(path.configs().iter().map(|config| arm.joints(config)).collect());
+        let Ok(Plan { path, .. }) = plan else {
+            return Ok((result, None));
+        };
+        let path =
+            if arguments.simplify { self.simplified(arguments, &path, &mut result) } else { path };
+        result.cost = Some(path.length());
+        result.path = Some(path.configs().iter().map(|config| arm.joints(config)).collect());
+        if arguments.timed.timed.is_none() {
+            return Ok((result, None));
         }
-        result
+        let mut name = file_name(idx, &self.name);
+        if arguments.planner.len() > 1 {
+            name = format!("{name}.{}", planner.name());
+        }
+        let file = arguments.timed.time(name, &arm.robot, &path, &self.checker(arguments))?;
+        result.timed = Some(TimedResult {
+            duration_secs: file.as_ref().map(TimedFile::duration_secs),
+            file: file.as_ref().map(|file| file.name.clone()),
+        });
+        Ok((result, file))
+    }
+
+    fn checker(&self, arguments: &Arguments) -> MotionChecker<'_> {
+        MotionChecker::new(&self.scene, &self.spheres, arguments.checks_per_radian)
     }
 
     fn plan(
@@ -203,25 +247,24 @@ impl Query {
     }
 
     /// The deepest contact of the start or of the first goal that has one.
-    fn contact(&self, spheres: &ArmSpheres, reason: Rejection) -> Option<String> {
+    fn contact(&self, reason: Rejection) -> Option<String> {
         let ends = match reason {
             Rejection::StartCollides => core::slice::from_ref(&self.start),
             Rejection::GoalCollides => &self.goals,
             _ => return None,
         };
-        let contact = |config| self.scene.deepest_contact(spheres, config);
+        let contact = |config| self.scene.deepest_contact(&self.spheres, config);
         ends.iter().find_map(contact).map(|contact| contact.to_string())
     }
 
     fn simplified(
         &self,
         arguments: &Arguments,
-        spheres: &ArmSpheres,
         path: &JointPath,
         result: &mut ProblemResult,
     ) -> JointPath {
         let ((path, checks), micros) = least_micros(arguments.repeats, || {
-            let checker = MotionChecker::new(&self.scene, spheres, arguments.checks_per_radian);
+            let checker = self.checker(arguments);
             (simplify(path, &checker), checker.n_checks())
         });
         result.simplify_micros = Some(micros);
@@ -328,6 +371,12 @@ impl fmt::Display for Report {
             self.summary
         {
             writeln!(f, "with simplification {total:.0} µs median; cost {cost:.2} rad median")?;
+        }
+        let timed: Vec<&TimedResult> =
+            self.results.iter().filter_map(|result| result.timed.as_ref()).collect();
+        let durations = sorted(timed.iter().filter_map(|timed| timed.duration_secs));
+        if let Some(median) = percentile(&durations, 50) {
+            writeln!(f, "{} of {} timed; {median:.2} s median", durations.len(), timed.len())?;
         }
         Ok(())
     }
