@@ -27,16 +27,16 @@ mod xml;
 
 use crate::error::{Error, Result};
 
-pub use fit::MAX_SPHERES;
-pub(crate) use fit::{Solid, cover};
+pub(crate) use fit::cover;
+pub use fit::{MAX_SPHERES, Solid};
 pub use follower::Follower;
 pub use geometry::{Finger, GripperBox, MAX_OVERSHOOT};
 pub use gripper::{Gripper, GripperSpec};
 pub use ik::{IkBranches, MAX_STEP_CHANGE};
 pub use joint::{DhRow, Joint, JointMotion, JointOrigin};
 pub use joint_config::{JointConfig, JointRanges, MAX_JOINTS};
-pub use link::{Capsule, Link, Sphere};
-pub use mesh::MeshReader;
+pub use link::{Capsule, Link, PlacedSolid, Sphere};
+pub use mesh::{MeshReader, Triangle};
 pub use model::{DOF, HAND, N_LINKS, Robot};
 pub(crate) use moves::Move;
 pub use panda::PANDA;

@@ -1,6 +1,6 @@
 //! Robot descriptions as they are found: each test is named after what went wrong with a file.
 
-use crate::lpr::{Folder, command, json, refusal, refusal_of, text};
+use crate::lpr::{Folder, command, json, refusal, refusal_of, table, text};
 use serde_json::{Value, json as value};
 
 /// A link with a ball at x 0.3 that turns about z without end.
@@ -200,4 +200,194 @@ fn a_group_of_the_semantics_is_chosen_by_name() {
     let error = refusal(&with_srdf(&["--group", "leg"]), 1);
     assert!(error.contains("group: expected one of 'table', found 'leg'"), "{error}");
     refusal(&fk(&["--group", "table"]), 2);
+}
+
+/// A base of that geometry, and a ball of 2 cm, 0.5 m away, that turns about z and slides up and
+/// down; at 0 it is 1 mm above z = 0.
+fn over_a_base(geometry: &str) -> String {
+    format!(
+        r#"<robot name="r"><link name="plate"><collision><origin xyz="0 0 -0.015"/><geometry>{geometry}</geometry></collision></link>
+        <link name="mast"/>
+        <link name="ball"><collision><origin xyz="0.5 0 0.021"/><geometry><sphere radius="0.02"/></geometry></collision></link>
+        <joint name="turn" type="revolute"><parent link="plate"/><child link="mast"/><axis xyz="0 0 1"/>
+          <limit lower="-3" upper="3" velocity="1" effort="1"/></joint>
+        <joint name="lift" type="prismatic"><parent link="mast"/><child link="ball"/><axis xyz="0 0 1"/>
+          <limit lower="-0.1" upper="0.5" velocity="1" effort="1"/></joint></robot>"#
+    )
+}
+
+#[test]
+fn a_ball_passes_a_millimetre_above_a_base_plate_and_not_through_it() {
+    let folder = Folder::new();
+    let corners = (0..8).map(|i| {
+        let side = |bit: u32, half: f64| if i >> bit & 1 == 1 { half } else { -half };
+        format!("v {} {} {}\n", side(0, 0.8), side(1, 0.6), side(2, 0.015))
+    });
+    let corners: String = corners.collect();
+    let faces = "f 1 3 4\nf 1 4 2\nf 5 6 8\nf 5 8 7\nf 1 2 6\nf 1 6 5\nf 3 7 8\nf 3 8 4\nf 1 5 7\nf 1 7 3\nf 2 4 8\nf 2 8 6\n";
+    folder.write("plate.obj", format!("{corners}{faces}"));
+    for geometry in [
+        r#"<box size="1.6 1.2 0.03"/>"#,
+        r#"<cylinder radius="0.8" length="0.03"/>"#,
+        r#"<mesh filename="plate.obj"/>"#,
+    ] {
+        let arm = folder.write("plate.urdf", over_a_base(geometry));
+        let planned =
+            |start: Value, goal: Value| plan(&folder, &[&arm], &start, &goal, &value!([]));
+        let over = planned(value!([-1, 0]), value!([1, 0]));
+        assert!(
+            (over["cost"].as_f64().unwrap_or(f64::NAN) - 2.0).abs() < 1e-4,
+            "{geometry}: {over}"
+        );
+        let inside = planned(value!([-1, -0.002]), value!([1, 0]));
+        let contact = inside["contact"].as_str().unwrap_or_default();
+        assert!(
+            contact.contains("link ball and link plate, 0.0010 m deep"),
+            "{geometry}: {inside}"
+        );
+
+        // What the ball carries must not touch the plate either, unless it is said that it may.
+        let held = |touching: Value| {
+            let attached = value!({"spheres": [{"center": [0.5, 0, 0], "radius": 0.01}], "touching": touching});
+            let problem = value!({"name": "p", "start": [-1, 0.005], "goals": [[1, 0.005]], "attached": attached});
+            let file = value!({"robot": "r", "problems": [problem]});
+            let file = folder.write("held.json", file.to_string());
+            json(&["plan", "--robot", &arm, "--problems", &file])["results"][0].clone()
+        };
+        let touches = held(value!(["ball"]));
+        let contact = touches["contact"].as_str().unwrap_or_default();
+        assert!(
+            contact.contains("link attached and link plate, 0.0050 m"),
+            "{geometry}: {touches}"
+        );
+        assert_eq!(held(value!(["ball", "plate"]))["solved"], true, "{geometry}");
+    }
+}
+
+#[test]
+fn a_small_ball_on_a_long_arm_does_not_swing_through_a_post() {
+    let folder = Folder::new();
+    let arm = folder.write(
+        "long.urdf",
+        r#"<robot name="r"><link name="base"/>
+        <link name="arm"><collision><origin xyz="1 0 0"/><geometry><sphere radius="0.005"/></geometry></collision></link>
+        <joint name="turn" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
+          <limit lower="-3" upper="3" velocity="1" effort="1"/></joint></robot>"#,
+    );
+    for i in 0..12 {
+        let angle = 0.52 + 0.0053 * f64::from(i);
+        let post = value!([{"center": [angle.cos(), angle.sin(), 0], "radius": 0.001}]);
+        // The only other way round is beyond the limits: to find none takes few samples.
+        let problem = value!({"name": "p", "start": [-1], "goals": [[1]], "spheres": post});
+        let file = value!({"robot": "r", "problems": [problem]});
+        let file = folder.write("post.json", file.to_string());
+        let arguments = ["plan", "--robot", &arm, "--planner", "stomp", "--problems", &file];
+        let result = json(&arguments)["results"][0].clone();
+        assert_eq!(result["solved"], false, "post at {angle}: {result}");
+    }
+}
+
+/// A plate, a column that touches it always, two arms and fingers of which one follows.
+const GRIPPER_ARM: &str = r#"<robot name="picker">
+  <link name="plate"><collision><geometry><box size="0.5 0.5 0.02"/></geometry></collision></link>
+  <link name="column"><collision><geometry><cylinder radius="0.04" length="0.2"/></geometry><origin xyz="0 0 0.1"/></collision></link>
+  <link name="upper"><collision><geometry><sphere radius="0.06"/></geometry><origin xyz="0.1 0 0"/></collision></link>
+  <link name="cover"><collision><geometry><sphere radius="0.03"/></geometry></collision></link>
+  <link name="wrist"><collision><geometry><sphere radius="0.03"/></geometry></collision></link>
+  <link name="left"><collision><geometry><sphere radius="0.01"/></geometry></collision></link>
+  <link name="right"><collision><geometry><sphere radius="0.01"/></geometry></collision></link>
+  <joint name="turn" type="continuous"><parent link="plate"/><child link="column"/><axis xyz="0 0 1"/></joint>
+  <joint name="lift" type="revolute"><parent link="column"/><child link="upper"/><origin xyz="0 0 0.2"/><axis xyz="0 1 0"/>
+    <limit lower="-1.5" upper="1.5" velocity="2" effort="1"/></joint>
+  <joint name="cap" type="fixed"><parent link="upper"/><child link="cover"/><origin xyz="0.15 0 0"/></joint>
+  <joint name="reach" type="prismatic"><parent link="upper"/><child link="wrist"/><origin xyz="0.2 0 0"/><axis xyz="1 0 0"/>
+    <limit lower="0" upper="0.05" velocity="0.5" effort="1"/></joint>
+  <joint name="close" type="prismatic"><parent link="wrist"/><child link="left"/><origin xyz="0.05 0.02 0"/><axis xyz="0 1 0"/>
+    <limit lower="0" upper="0.02" velocity="0.1" effort="1"/></joint>
+  <joint name="close_too" type="prismatic"><parent link="wrist"/><child link="right"/><origin xyz="0.05 -0.02 0"/><axis xyz="0 1 0"/>
+    <limit lower="-0.02" upper="0" velocity="0.1" effort="1"/><mimic joint="close" multiplier="-1"/></joint>
+</robot>"#;
+
+#[test]
+fn a_description_is_told_before_anything_is_planned() {
+    let folder = Folder::new();
+    let arm = folder.write("picker.urdf", GRIPPER_ARM);
+    let (srdf, picture) = (folder.at("picker.srdf"), folder.at("picker.png"));
+    let told = json(&[
+        "robots",
+        "--describe",
+        &arm,
+        "--tip",
+        "wrist",
+        "--write-srdf",
+        &srdf,
+        "--draw",
+        &picture,
+    ]);
+    assert_eq!((&told["base"], &told["tip"]), (&value!("plate"), &value!("wrist")));
+    let kinds: Vec<&Value> =
+        told["joints"].as_array().unwrap().iter().map(|it| &it["kind"]).collect();
+    assert_eq!(kinds, ["continuous", "revolute", "prismatic"]);
+    assert_eq!(told["joints"][0]["limits"], Value::Null);
+    assert_eq!(told["joints"][2]["limits"], value!([0.0, 0.05]));
+    let tips = value!([{"link": "left", "joints": 4}]);
+    assert!(told["tips"].as_array().unwrap().contains(&tips[0]), "{}", told["tips"]);
+    let plate = &told["links"][0];
+    assert_eq!((&plate["name"], &plate["exact"]), (&value!("plate"), &value!(true)), "{plate}");
+    // A cover that reaches to the wrist stays a spot where they touch; the plate, which the column
+    // stands on, is its neighbour.
+    let touching = told["pairs"]["touching"].as_array().unwrap();
+    let named = |a: &str, b: &str| touching.iter().any(|it| it["links"] == value!([a, b]));
+    assert!(!named("plate", "column"), "{touching:?}");
+    let reach = told["reach"]["radius"].as_f64().unwrap();
+    assert!(reach > 0.4 && reach < 0.46, "{reach}");
+    let share = told["reach"]["share"].as_f64().unwrap();
+    assert!(share > 0.005 && share < 0.2, "a sliding wrist reaches a shell: {share}");
+
+    // What it writes says the same when it is read.
+    let again = json(&["robots", "--describe", &arm, "--srdf", &srdf]);
+    assert_eq!(again["tip"], "wrist", "by the group written");
+    assert_eq!(again["pairs"]["allowed"], told["pairs"]["allowed"]);
+    assert_eq!(again["pairs"]["tested"], told["pairs"]["tested"]);
+
+    let file = std::io::BufReader::new(std::fs::File::open(&picture).unwrap());
+    let mut reader = png::Decoder::new(file).read_info().unwrap();
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    let frame = reader.next_frame(&mut pixels).unwrap();
+    assert_eq!((frame.width, frame.height), (960, 720));
+    let colors: std::collections::BTreeSet<&[u8]> = pixels.chunks(3).collect();
+    assert!(colors.len() > 100, "{} colours", colors.len());
+
+    let words = table(&["robots", "--describe", &arm, "--tip", "wrist"]);
+    for line in
+        ["picker: 3 joints from plate to wrist", "plate", "exact", "pairs of links are tested"]
+    {
+        assert!(words.contains(line), "{line}: {words}");
+    }
+    let wrong = refusal(&["robots", "--describe", &arm, "--draw", &folder.at("picker.gif")], 2);
+    assert!(wrong.contains("expected a name that ends in .png"), "{wrong}");
+    let wrong = refusal(&["robots", "--draw", &picture], 2);
+    assert!(wrong.contains("--describe"), "{wrong}");
+}
+
+#[test]
+fn pairs_that_the_users_srdf_disabled_are_written_as_the_users() {
+    let folder = Folder::new();
+    let arm = folder.write("picker.urdf", GRIPPER_ARM);
+    let given = folder.write(
+        "given.srdf",
+        r#"<robot name="picker"><group name="arm"><chain base_link="plate" tip_link="wrist"/></group>
+        <disable_collisions link1="plate" link2="wrist" reason="User"/>
+        <disable_collisions link1="plate" link2="column" reason="Adjacent"/></robot>"#,
+    );
+    let written = folder.at("written.srdf");
+    json(&["robots", "--describe", &arm, "--srdf", &given, "--write-srdf", &written]);
+    let written = std::fs::read_to_string(&written).unwrap();
+    for (pair, reason) in [
+        (r#"link1="plate" link2="wrist""#, "User"),
+        (r#"link1="plate" link2="column""#, "Adjacent"),
+    ] {
+        let line = written.lines().find(|line| line.contains(pair)).unwrap_or_default();
+        assert!(line.contains(&format!(r#"reason="{reason}""#)), "{written}");
+    }
 }

@@ -79,6 +79,7 @@ impl BuiltIn {
             spheres: self.spheres[frame].to_vec(),
             capsules: self.capsules[frame].to_vec(),
             overshoot: MAX_OVERSHOOT,
+            solids: Vec::new(),
         }
     }
 }

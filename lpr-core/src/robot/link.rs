@@ -1,5 +1,6 @@
 //! The links of an arm, and the shapes that stand for them.
 
+use super::fit::Solid;
 use glamx::{DPose3, Vec3};
 
 /// A link with the shapes that stand for it.
@@ -21,6 +22,18 @@ pub struct Link {
     /// Furthest that a sphere reaches beyond the geometry it was fitted to, metres; 0 where the
     /// geometry is spheres.
     pub overshoot: f32,
+    /// The geometry itself where checks use it instead of the spheres: of a link that does not move
+    /// and all of whose parts are convex.
+    pub solids: Vec<PlacedSolid>,
+}
+
+/// A convex solid in the frame of a link's body.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlacedSolid {
+    /// Pose of the solid.
+    pub body_from_solid: DPose3,
+    /// The solid.
+    pub solid: Solid,
 }
 
 /// A sphere fixed to a frame of the robot.

@@ -10,7 +10,7 @@ use glamx::DVec3;
 use std::collections::BTreeSet;
 
 /// Corners of a triangle, metres.
-pub(super) type Triangle = [DVec3; 3];
+pub type Triangle = [DVec3; 3];
 
 /// Reads a mesh by the file name that stands in the description; `None` when there is no such file.
 ///

@@ -18,7 +18,7 @@ mod pairs;
 mod tests;
 mod tree;
 
-use super::link::{Link, moved};
+use super::link::{Link, PlacedSolid, moved};
 use super::mesh::MeshReader;
 use super::model::{Robot, middle_of};
 use super::srdf::Semantics;
@@ -465,26 +465,36 @@ fn links(
             spheres: Vec::new(),
             capsules: Vec::new(),
             overshoot: 0.0,
+            solids: Vec::new(),
         };
         let named = |message| format!("link {}, {message}", quoted(&link.name));
         for Collision { link_from_solid, shape } in &link.collisions {
             if options.without_geometry {
                 break;
             }
-            let cover = match shape {
-                Shape::Solid(solid) => fit::cover(solid),
-                Shape::Mesh(mesh) => mesh.read(meshes).and_then(|solid| fit::cover(&solid)),
+            let read = match shape {
+                Shape::Solid(solid) => Ok(solid.clone()),
+                Shape::Mesh(mesh) => mesh.read(meshes),
             };
-            let cover = match cover {
-                Ok(cover) => cover,
+            let (solid, cover) = match read.and_then(|it| Ok((fit::cover(&it)?, it))) {
+                Ok((cover, solid)) => (solid, cover),
                 Err(reason) if options.ignore_missing_meshes => {
                     warnings.push(named(format!("{reason}: it is left out")));
                     continue;
                 }
                 Err(reason) => return Err(Error::Robot(named(reason))),
             };
-            found.spheres.extend(moved(&cover.spheres, &(place.body_from_link * *link_from_solid)));
+            let body_from_solid = place.body_from_link * *link_from_solid;
+            found.spheres.extend(moved(&cover.spheres, &body_from_solid));
             found.overshoot = found.overshoot.max(cover.overshoot);
+            found.solids.push(PlacedSolid { body_from_solid, solid });
+        }
+        // Spheres serve what moves, and what they are exact for.
+        let is_exact = place.body == 0
+            && found.overshoot > 0.0
+            && found.solids.iter().all(|placed| placed.solid.is_convex());
+        if !is_exact {
+            found.solids = Vec::new();
         }
         links.push(found);
     }

@@ -1,7 +1,8 @@
 //! The robot as spheres, compiled for collision checks.
 
 use super::frames::{Frame, MovingFrame};
-use super::primitive::length;
+use super::primitive::{Primitive, length};
+use super::solids::Solids;
 use super::sweep::Reach;
 use super::sweep::{inverse_squared_move, least_radius};
 use crate::error::{Error, Result};
@@ -49,8 +50,10 @@ pub struct ArmSpheres {
     limits: JointRanges,
     /// From the tip inwards: what sticks out furthest hits first.
     pub(super) links: Vec<LinkSpheres>,
-    /// Pairs of indices into the links that are tested against each other.
+    /// Pairs of indices into the links that are tested against each other by their spheres.
     pub(super) self_pairs: Vec<(usize, usize)>,
+    /// Links of the base whose geometry is tested instead of their spheres.
+    pub(super) fixed: Fixed,
     /// How far the spheres of each link can move.
     pub(super) reaches: Vec<Reach>,
 }
@@ -69,6 +72,15 @@ pub(super) struct LinkSpheres {
     /// Largest distance of a sphere's centre from that of the bound, metres.
     pub(super) spread: f32,
     pub(super) clusters: Vec<Cluster>,
+}
+
+/// Links of the base as solids.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Fixed {
+    /// In the world; links that may touch one are allowed to.
+    pub(super) solids: Solids,
+    /// Index of the link of each of the solids.
+    pub(super) links: Vec<usize>,
 }
 
 /// A few spheres of a link that are close together and a sphere around them, in the body's frame.
@@ -141,9 +153,11 @@ impl ArmSpheres {
             body_from_flange: Pose3::from(chain.body_from_flange),
             limits: chain.limits(),
             self_pairs: pairs(order.len()).filter(is_tested).collect(),
+            fixed: Fixed::default(),
             links: order.iter().map(|&i| LinkSpheres::of(&chain.links[i], i)).collect(),
             reaches: Vec::new(),
         };
+        arm.fix(order.iter().map(|&i| &chain.links[i]));
         arm.reaches = arm.links.iter().map(|link| Reach::new(&arm, link)).collect();
         Ok(arm)
     }
@@ -196,10 +210,59 @@ impl ArmSpheres {
         let spheres = spheres.iter().map(moved).collect();
         arm.links.push(LinkSpheres::new("attached", self.tip_body, ArmPart::Hand, spheres));
         arm.reaches.push(Reach::new(&arm, &arm.links[object]));
-        let tested =
-            (0..object).filter(|&link| !touching.contains(&self.links[link].name.as_str()));
+        for (solid, &link) in self.fixed.links.iter().enumerate() {
+            if touching.contains(&self.links[link].name.as_str()) {
+                arm.fixed.solids.allow(solid, 1 << object);
+            }
+        }
+        let tested = (0..object).filter(|link| {
+            !touching.contains(&self.links[*link].name.as_str()) && !self.fixed.links.contains(link)
+        });
         arm.self_pairs.extend(tested.map(|link| (link, object)));
         Ok(arm)
+    }
+
+    /// Tests the links of the base that have solids by these, and no longer by their spheres.
+    fn fix<'a>(&mut self, links: impl Iterator<Item = &'a Link>) {
+        let mut allowed = Vec::new();
+        let mut solids = Vec::new();
+        for (idx, link) in links.enumerate().filter(|(_, link)| link.body == 0) {
+            if link.solids.is_empty() {
+                continue;
+            }
+            // All links that are known here but those of its pairs may touch it.
+            let mut bits = LinkBits::MAX >> (LinkBits::BITS as usize - self.links.len());
+            self.self_pairs.retain(|&(a, b)| {
+                let is_pair = a == idx || b == idx;
+                if is_pair {
+                    bits &= !(1 << if a == idx { b } else { a });
+                }
+                !is_pair
+            });
+            for placed in &link.solids {
+                solids.push(Primitive::of_solid(placed));
+                allowed.push(bits);
+                self.fixed.links.push(idx);
+            }
+        }
+        self.fixed.solids = solids.into_iter().collect();
+        for (solid, bits) in allowed.into_iter().enumerate() {
+            self.fixed.solids.allow(solid, bits);
+        }
+    }
+
+    /// Pairs of a link of the base that is tested by its solids, and of another.
+    pub(super) fn fixed_pairs(&self) -> Vec<(usize, usize)> {
+        let mut pairs: Vec<(usize, usize)> = (0..self.links.len())
+            .flat_map(|idx| {
+                let bases = self.fixed.solids.forbidden(1 << idx).map(|(solid, _)| solid);
+                bases.map(move |solid| (self.fixed.links[solid], idx))
+            })
+            .filter(|&(_, idx)| self.links[idx].body != 0)
+            .collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        pairs
     }
 
     /// The bits of the links of that name, for [`super::Scene::allow_contact`].

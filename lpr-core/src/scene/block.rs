@@ -160,7 +160,9 @@ fn block_is_free<S: Simd>(
             ArmPart::Arm => &scene.arm_points,
             ArmPart::Hand => &scene.hand_points,
         };
-        if points.meet(simd, link, frame, bound) || scene.solids.meet(1 << idx, link, frame, bound)
+        if points.meet(simd, link, frame, bound)
+            || scene.solids.meet(1 << idx, link, frame, bound)
+            || (!arm.fixed.solids.is_empty() && arm.fixed.solids.meet(1 << idx, link, frame, bound))
         {
             return false;
         }

@@ -2,7 +2,7 @@
 
 use super::shape::Shape;
 use crate::error::{Error, Result};
-use crate::robot::{Solid, Sphere, cover};
+use crate::robot::{PlacedSolid, Solid, Sphere, cover};
 use glamx::{Pose3, Quat, Vec3};
 
 /// A solid obstacle in the world frame. Lengths in metres.
@@ -80,7 +80,7 @@ pub struct Face {
 
 impl Primitive {
     /// The obstacle that `shape` makes at `world_from_shape`; a convex hull of points in a plane
-    /// becomes the box around them.
+    /// becomes the box around them, and so does every hull without the feature `hulls`.
     ///
     /// ```
     /// use lpr_core::glamx::{Pose3, Quat, Vec3};
@@ -120,6 +120,32 @@ impl Primitive {
             }
             Shape::Convex { points } => hull_of(points, world_from_shape)
                 .unwrap_or_else(|| box_around(points, world_from_shape)),
+        }
+    }
+
+    /// A convex solid of a link of the base.
+    pub(super) fn of_solid(placed: &PlacedSolid) -> Self {
+        let pose = Pose3::from(placed.body_from_solid);
+        match &placed.solid {
+            Solid::Ball { radius } => {
+                Self::Sphere { center: pose.translation, radius: *radius as f32 }
+            }
+            Solid::Cuboid { half_extents } => {
+                Self::Cuboid { world_from_box: pose, half_extents: half_extents.as_vec3() }
+            }
+            Solid::Cylinder { radius, half_length } => Self::Cylinder {
+                world_from_cylinder: pose,
+                radius: *radius as f32,
+                half_length: *half_length as f32,
+            },
+            Solid::Capsule { radius, half_length } => {
+                let (radius, half_length) = (*radius as f32, *half_length as f32);
+                Self::new(&Shape::Capsule { radius, half_length }, &pose)
+            }
+            Solid::Mesh { triangles } => {
+                let points = triangles.as_flattened().iter().map(|it| it.as_vec3()).collect();
+                Self::new(&Shape::Convex { points }, &pose)
+            }
         }
     }
 
@@ -220,7 +246,14 @@ impl Primitive {
     }
 }
 
+/// None, without the feature `hulls`.
+#[cfg(not(feature = "hulls"))]
+const fn hull_of(_points: &[Vec3], _world_from_shape: &Pose3) -> Option<Primitive> {
+    None
+}
+
 /// The convex hull of points; none for points in a plane.
+#[cfg(feature = "hulls")]
 fn hull_of(points: &[Vec3], world_from_shape: &Pose3) -> Option<Primitive> {
     /// Faces whose normals differ by less lie in one plane.
     const SAME_PLANE: f32 = 1e-5;

@@ -98,9 +98,14 @@ impl Scene {
                 ArmPart::Arm => &self.arm_points,
                 ArmPart::Hand => &self.hand_points,
             };
-            let from_solids = self.solids.forbidden(1 << idx).filter_map(move |solid| {
+            let from_solids = self.solids.forbidden(1 << idx).filter_map(move |(_, solid)| {
                 Some((placed.nearest_to_solid(link, solid, reach)?, Near::Solid(solid)))
             });
+            let from_base = arm.fixed.solids.forbidden(1 << idx).filter_map(move |(at, solid)| {
+                let base = &arm.links[arm.fixed.links[at]];
+                Some((placed.nearest_to_solid(link, solid, reach)?, Near::Link(base)))
+            });
+            let from_solids = from_solids.chain(from_base);
             let from_points = placed.nearest_to_points(link, points, reach);
             let nearest = from_solids.chain(from_points.map(|near| (near, Near::Points)));
             Some(nearest.map(move |(it, near)| Gap {
@@ -125,7 +130,8 @@ impl<'a> Placed<'a> {
     }
 
     /// True if two links touch.
-    pub(super) fn touch(&self, a: &LinkSpheres, b: &LinkSpheres) -> bool {
+    pub(super) fn touch(&self, a: usize, b: usize) -> bool {
+        let (a, b) = (&self.arm.links[a], &self.arm.links[b]);
         let (bound_a, bound_b) = (self.place(a, &a.bound), self.place(b, &b.bound));
         let overlap = |a: &Sphere, b: &Sphere| length(a.center - b.center) < a.radius + b.radius;
         if !overlap(&bound_a, &bound_b) {
@@ -135,6 +141,14 @@ impl<'a> Placed<'a> {
         let others: Vec<Sphere> =
             self.spheres(b).filter(|sphere| overlap(sphere, &bound_a)).collect();
         near_b.into_iter().any(|sphere| others.iter().any(|other| overlap(&sphere, other)))
+    }
+
+    /// True if a link touches link `base`, which is tested by its solids.
+    pub(super) fn touches_fixed(&self, base: usize, link: usize) -> bool {
+        let fixed = &self.arm.fixed;
+        (fixed.solids.primitives().zip(&fixed.links))
+            .filter(|(_, of)| **of == base)
+            .any(|(solid, _)| self.nearest_to_solid(&self.arm.links[link], solid, 0.0).is_some())
     }
 
     fn place(&self, link: &LinkSpheres, sphere: &Sphere) -> Sphere {

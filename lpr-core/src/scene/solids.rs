@@ -175,13 +175,14 @@ impl Solids {
         self.primitives.iter()
     }
 
-    /// The solids that the link of `bit` must not touch.
-    pub(super) fn forbidden(&self, bit: LinkBits) -> impl Iterator<Item = &Primitive> {
-        self.primitives
-            .iter()
-            .zip(&self.allowed)
-            .filter(move |(_, allowed)| *allowed & bit == 0)
-            .map(|(solid, _)| solid)
+    /// The solids that the link of `bit` must not touch, with their indices.
+    pub(super) fn forbidden(&self, bit: LinkBits) -> impl Iterator<Item = (usize, &Primitive)> {
+        let solids = self.primitives.iter().enumerate();
+        solids.filter(move |(idx, _)| self.allowed[*idx] & bit == 0)
+    }
+
+    pub(super) const fn is_empty(&self) -> bool {
+        self.primitives.is_empty()
     }
 
     /// True if in any lane a solid meets a sphere of `link`, whose bounding sphere has its centre

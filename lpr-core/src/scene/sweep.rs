@@ -5,15 +5,16 @@
 //! nowhere between them deeper in anything than `r - sqrt(r² - s²/4)`; and a centre that
 //! accelerates by `a` in that time leaves the straight line by `a/8` at most.
 //!
-//! Two bounds say how far it moves. The first, of [`Reach`], costs next to nothing and holds for
-//! whole motions: levers that a joint can have on a link, whatever the others do. Most motions of a
-//! hand exceed it by far less than it allows, so that the second, of [`Pace`], measures speeds at
-//! the looks.
+//! Two bounds say how far it moves. The first, of [`Reach`], costs next to nothing: the levers that
+//! the joints can have on a link, whatever the others do. A hand moves by much less than that, as
+//! joints seldom add up: where the first bound is not enough, the second, of [`Pace`], measures
+//! speeds at the looks.
 
 use super::arm_spheres::{ArmSpheres, LinkBits, LinkSpheres, MAX_LINKS};
-use super::frames::Frames;
+use super::frames::{Frames, MovingFrame};
 use crate::lanes::{Floats, Vec3s, splat};
 use crate::robot::{JointConfig, JointMotion, MAX_JOINTS, Sphere};
+use arrayvec::ArrayVec;
 use fearless_simd::{Simd, SimdBase as _, SimdFloat as _, SimdMask as _};
 use glamx::Vec3;
 
@@ -66,6 +67,39 @@ impl Reach {
         let moved = rates.iter().zip(&self.levers).map(|(rate, lever)| rate.abs() * lever);
         moved.skip(first).sum()
     }
+
+    /// Metres that a sphere moves at most in a step at `rates`, and its greatest acceleration,
+    /// metres for a squared step, by the [`turns`] of the joints.
+    fn motion(&self, rates: &[f32], turns: &[f32]) -> (f32, f32) {
+        let (mut moved, mut acceleration) = (0.0, 0.0);
+        for ((rate, turn), lever) in rates.iter().zip(turns).zip(&self.levers) {
+            let by = rate.abs() * lever;
+            moved += by;
+            acceleration += by * turn;
+        }
+        (moved, acceleration)
+    }
+}
+
+/// For each joint, radians in a step by which the motion that it gives a point is turned: once by
+/// itself, and in the second derivative twice by every joint before it.
+fn turns(arm: &ArmSpheres, rates: &[f32; MAX_JOINTS]) -> [f32; MAX_JOINTS] {
+    let mut turns = [0.0; MAX_JOINTS];
+    let turn = |step: &MovingFrame| match step.motion {
+        JointMotion::Turn => (step.multiplier() * rates[step.joint]).abs(),
+        JointMotion::Slide => 0.0,
+    };
+    if arm.is_serial() {
+        let mut before = 0.0;
+        for step in &arm.moves {
+            turns[step.joint] = turn(step) + 2.0 * before;
+            before += turn(step);
+        }
+    } else {
+        // Followers turn with their joint, wherever they are on the way.
+        turns.fill(2.0 * arm.moves.iter().map(turn).sum::<f32>());
+    }
+    turns
 }
 
 /// Distance from the z axis.
@@ -88,15 +122,22 @@ pub(super) fn inverse_squared_move(radius: f32) -> f32 {
 pub(super) struct Sweep {
     /// By how much each joint moves in a step.
     rates: [f32; MAX_JOINTS],
-    /// Depth by which a sphere leaves the straight line for each metre that it moves, in depths
-    /// allowed: it accelerates by at most twice the turn times the move.
-    bend: f32,
     /// Squared steps that are enough, for each step of the motion.
     enough: f32,
-    /// A speed between the looks for one measured there, at most.
+    links: ArrayVec<LinkSweep, MAX_LINKS>,
+}
+
+/// Bounds of a link, by its levers.
+#[derive(Debug, Clone, Copy)]
+struct LinkSweep {
+    /// Metres that a sphere moves in a step.
+    moved: f32,
+    /// Metres in a step by which it may be faster somewhere than at the looks.
     faster: f32,
-    /// Bits of the links that levers do not rule out.
-    measured: LinkBits,
+    /// Squared steps that its leaving the straight line needs, for each step.
+    bend: f32,
+    /// True if its levers do not rule out that something is missed.
+    is_measured: bool,
 }
 
 /// Distances in steps of a motion.
@@ -130,27 +171,17 @@ impl Sweep {
         for (rate, (a, b)) in rates.iter_mut().zip(a.iter().zip(b.iter())) {
             *rate = (b - a) / n as f32;
         }
-        let turning = arm.moves.iter().filter(|step| step.motion == JointMotion::Turn);
-        let turn: f32 = turning.map(|step| (step.multiplier() * rates[step.joint]).abs()).sum();
         let enough = 1.0 / (looks.between * looks.between);
-        let faster = 1.0 / (1.0 - 2.0 * looks.from_measured * turn).max(0.1);
-        let mut sweep = Self { rates, bend: 0.25 * turn / DEEPEST, enough, faster, measured: 0 };
-        for (idx, reach) in arm.reaches.iter().enumerate() {
-            let moved = reach.moved(&sweep.rates[..arm.dof()], 0);
-            if sweep.squared_steps(moved, reach.inverse_squared_move) > enough {
-                sweep.measured |= 1 << idx;
-            }
-        }
-        (sweep.measured != 0).then_some(sweep)
-    }
-
-    /// Squared steps needed for each step of a sphere that moves by `by` in it.
-    fn squared_steps(&self, by: f32, inverse_squared_move: f32) -> f32 {
-        by * (by * inverse_squared_move + self.bend)
-    }
-
-    const fn measures(&self, link: usize) -> bool {
-        self.measured >> link & 1 == 1
+        let turns = turns(arm, &rates);
+        let links = arm.reaches.iter().map(|reach| {
+            let (moved, acceleration) = reach.motion(&rates[..arm.dof()], &turns);
+            let bend = acceleration / (8.0 * DEEPEST);
+            let needed = moved * moved * reach.inverse_squared_move + bend;
+            let faster = looks.from_measured * acceleration;
+            LinkSweep { moved, faster, bend, is_measured: needed > enough }
+        });
+        let links: ArrayVec<LinkSweep, MAX_LINKS> = links.collect();
+        links.iter().any(|link| link.is_measured).then_some(Self { rates, enough, links })
     }
 }
 
@@ -195,17 +226,17 @@ impl<S: Simd> Pace<S> {
             twists[body] = twist;
         }
         let enough = splat(simd, sweep.enough);
-        for (idx, link) in arm.links.iter().enumerate() {
-            if !sweep.measures(idx) {
+        for (idx, (link, bounds)) in arm.links.iter().zip(&sweep.links).enumerate() {
+            if !bounds.is_measured {
                 continue;
             }
             let (frame, pace) = (&frames[link.body], &mut self.links[idx]);
             let twist = &twists[link.body];
-            let spin = twist.turning.length_squared().sqrt() * sweep.faster;
+            let spin = twist.turning.length_squared().sqrt();
             // All of it at once, if that says enough.
             let center = twist.at(frame.vector(link.bound.center)).speed.length_squared().sqrt();
-            let fastest = center * sweep.faster + spin * link.spread;
-            let needed = fastest * (fastest * arm.reaches[idx].inverse_squared_move + sweep.bend);
+            let fastest = center + spin * link.spread + bounds.faster;
+            let needed = fastest * fastest * arm.reaches[idx].inverse_squared_move + bounds.bend;
             if !needed.simd_gt(enough).any_true() {
                 pace.fastest = pace.fastest.max(fastest);
                 continue;
@@ -213,8 +244,8 @@ impl<S: Simd> Pace<S> {
             for cluster in &link.clusters {
                 let center =
                     twist.at(frame.vector(cluster.bound.center)).speed.length_squared().sqrt();
-                let fastest = center * sweep.faster + spin * cluster.spread;
-                let needed = fastest * (fastest * cluster.inverse_squared_move + sweep.bend);
+                let fastest = center + spin * cluster.spread + bounds.faster;
+                let needed = fastest * fastest * cluster.inverse_squared_move + bounds.bend;
                 pace.fastest = pace.fastest.max(fastest);
                 pace.needed = pace.needed.max(needed);
             }
@@ -226,24 +257,23 @@ impl<S: Simd> Pace<S> {
     pub(super) fn unseen(&self, arm: &ArmSpheres, sweep: &Sweep) -> Option<Unseen> {
         let mut unseen = Unseen { links: 0, refinement: 0.0 };
         let mut fastest = [0.0; MAX_LINKS];
-        for (idx, pace) in self.links.iter().enumerate() {
-            if sweep.measures(idx) {
-                fastest[idx] = most::<S>(&pace.fastest);
+        for (idx, (pace, bounds)) in self.links.iter().zip(&sweep.links).enumerate() {
+            fastest[idx] = bounds.moved;
+            if bounds.is_measured {
+                fastest[idx] = most::<S>(&pace.fastest).min(bounds.moved);
                 unseen.add(1 << idx, most::<S>(&pace.needed), sweep);
-            } else {
-                fastest[idx] = arm.reaches[idx].moved(&sweep.rates[..arm.dof()], 0);
             }
         }
         for &(a, b) in &arm.self_pairs {
             let by = fastest[a] + fastest[b];
+            let bend = sweep.links[a].bend + sweep.links[b].bend;
             // The larger of the two allows more, both together most.
             let least =
                 arm.reaches[a].inverse_squared_move.min(arm.reaches[b].inverse_squared_move);
-            if sweep.squared_steps(by, least) > sweep.enough {
+            if by * by * least + bend > sweep.enough {
                 let by = by.min(arm.moved_against(a, b, &sweep.rates));
                 let radius = arm.reaches[a].radius + arm.reaches[b].radius;
-                let squared = sweep.squared_steps(by, inverse_squared_move(radius));
-                unseen.add(1 << a | 1 << b, squared, sweep);
+                unseen.add(1 << a | 1 << b, by * by * inverse_squared_move(radius) + bend, sweep);
             }
         }
         (unseen.links != 0).then_some(unseen)

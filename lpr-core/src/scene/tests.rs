@@ -85,6 +85,7 @@ fn gantry(radius: f32) -> ArmSpheres {
         spheres,
         capsules: Vec::new(),
         overshoot: 0.0,
+        solids: Vec::new(),
     };
     let chain = Robot {
         name: "gantry".to_owned(),

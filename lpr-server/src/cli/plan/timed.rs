@@ -2,7 +2,7 @@
 //! `trajectory_msgs/JointTrajectory` has.
 
 use crate::cli::failure::Result;
-use crate::files::{self, FileError};
+use crate::files;
 use lpr_core::path::{
     JointPath, JointState, MotionLimits, SmoothPath, Trajectory, free_curve, time_optimal,
 };

@@ -69,6 +69,8 @@ struct LinkRow {
     spheres: usize,
     /// Furthest that a sphere reaches beyond the geometry, metres.
     overshoot: f32,
+    /// Tested by its geometry, to which the spheres do not matter.
+    exact: bool,
 }
 
 /// Pairs of links with geometry.
@@ -137,6 +139,7 @@ pub(super) fn describe(arm: &FileArm) -> Result<Description> {
                 name: link.name.clone(),
                 spheres: link.spheres.len(),
                 overshoot: link.overshoot,
+                exact: !link.solids.is_empty(),
             })
             .collect(),
         pairs: Pairs {
@@ -195,8 +198,10 @@ impl fmt::Display for Description {
             writeln!(f, "{name:<32}follows {follows}: {multiplier} q + {offset}")?;
         }
         writeln!(f, "\n{:<32}{:>8}{:>14}", "link with geometry", "spheres", "overshoot mm")?;
-        for LinkRow { name, spheres, overshoot } in &self.links {
-            writeln!(f, "{name:<32}{spheres:>8}{:>14.1}", 1e3 * overshoot)?;
+        for LinkRow { name, spheres, overshoot, exact } in &self.links {
+            let overshoot =
+                if *exact { "exact".to_owned() } else { format!("{:.1}", 1e3 * overshoot) };
+            writeln!(f, "{name:<32}{spheres:>8}{overshoot:>14}")?;
         }
         writeln!(f, "\n{} pairs of links are tested, {} are not", pairs.tested, pairs.allowed)?;
         for TouchingRow { links: [a, b], share, at_rest } in &pairs.touching {

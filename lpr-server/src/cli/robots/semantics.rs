@@ -25,10 +25,13 @@ fn text(FileArm { described, overlaps }: &FileArm) -> String {
     for &(a, b) in &robot.allowed_self_collisions {
         let found = overlaps.iter().find(|overlap| overlap.pair == (a, b));
         // The words of the set-up assistant of MoveIt.
+        let is_adjacent = robot.links[a].body.abs_diff(robot.links[b].body) <= 1;
         let reason = match found {
             Some(overlap) if overlap.at_rest => "Default",
             Some(_) => "Always",
-            None => "Adjacent",
+            None if is_adjacent => "Adjacent",
+            // As the SRDF says that was given.
+            None => "User",
         };
         let (a, b) = (name(a), name(b));
         // Writing to a string does not fail.
