@@ -10,11 +10,13 @@ mod cloud;
 mod contact;
 mod contents;
 mod frames;
+mod link_spheres;
 mod motion;
 mod obstacles;
 mod overlaps;
 mod primitive;
 mod proximity;
+mod reach;
 mod shape;
 mod signed_distance;
 mod solids;
@@ -22,10 +24,11 @@ mod solids;
 pub(crate) mod stick_arm;
 mod sweep;
 
-pub use arm_spheres::{ArmSpheres, MAX_LINKS};
+pub use arm_spheres::ArmSpheres;
 pub use cloud::{PointCloud, downsample};
 pub use contact::{Contact, Touched};
 pub use contents::Scene;
+pub use link_spheres::MAX_LINKS;
 pub use motion::MotionChecker;
 pub use obstacles::{
     CONTACT_DISTANCE, HELD_BOX, Held, ObstacleQuery, POINT_RADIUS, SELF_FILTER_INFLATION, VOXEL,

@@ -21,6 +21,7 @@ mod surface;
 
 use super::Sphere;
 use super::mesh::Triangle;
+use super::solid::Solid;
 use ball::Ball;
 use choice::choose;
 use glamx::{DVec3, Vec3};
@@ -36,40 +37,6 @@ const GROWTH: f64 = 1.08;
 /// Room for the rounding of centres and radii to f32, as a share of their size; twenty units in the
 /// last place.
 const ROUNDING: f64 = 2e-6;
-
-/// Geometry around its own origin, lengths in metres. Cylinders and capsules lie along z.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Solid {
-    /// A ball.
-    Ball {
-        /// Radius.
-        radius: f64,
-    },
-    /// A box.
-    Cuboid {
-        /// Half the side lengths.
-        half_extents: DVec3,
-    },
-    /// A cylinder with flat ends.
-    Cylinder {
-        /// Radius.
-        radius: f64,
-        /// Half the length.
-        half_length: f64,
-    },
-    /// All points within `radius` of the segment ±`half_length`.
-    Capsule {
-        /// Radius.
-        radius: f64,
-        /// Half the length of the segment.
-        half_length: f64,
-    },
-    /// A mesh.
-    Mesh {
-        /// Corners of each triangle.
-        triangles: Vec<Triangle>,
-    },
-}
 
 /// Spheres that cover a solid, in its frame.
 #[derive(Debug, Clone, PartialEq)]
@@ -136,47 +103,6 @@ fn rounded(balls: &[Ball]) -> Cover {
         spheres: balls.iter().map(sphere).collect(),
         overshoot: (overshoot * (1.0 + ROUNDING)) as f32,
     }
-}
-
-#[cfg(feature = "hulls")]
-impl Solid {
-    /// True if it is convex, and of few enough faces that each can be asked. Of a mesh: closed, and
-    /// of the volume of its hull.
-    pub(super) fn is_convex(&self) -> bool {
-        /// Most corners of a hull.
-        const MAX_CORNERS: usize = 64;
-        /// Share of the hull's volume that a convex mesh may lack: rounding of its corners.
-        const SLACK: f64 = 1e-3;
-        let Self::Mesh { triangles } = self else {
-            return true;
-        };
-        let corners: Vec<Vec3> = triangles.as_flattened().iter().map(|it| it.as_vec3()).collect();
-        let Ok((hull, faces)) = parry3d::transformation::try_convex_hull(&corners) else {
-            return false;
-        };
-        if hull.len() > MAX_CORNERS {
-            return false;
-        }
-        let faces: Vec<Triangle> =
-            faces.iter().map(|face| face.map(|corner| hull[corner as usize].as_dvec3())).collect();
-        let wanted = sixfold_volume(&faces).abs();
-        wanted > 0.0 && sixfold_volume(triangles).abs() > (1.0 - SLACK) * wanted
-    }
-}
-
-#[cfg(not(feature = "hulls"))]
-impl Solid {
-    /// True if it is convex for sure.
-    pub(super) const fn is_convex(&self) -> bool {
-        !matches!(self, Self::Mesh { .. })
-    }
-}
-
-/// Six times the volume that a closed surface encloses; less for one that turns inside out.
-#[cfg(feature = "hulls")]
-fn sixfold_volume(triangles: &[Triangle]) -> f64 {
-    let about = triangles.first().map_or(DVec3::ZERO, |triangle| triangle[0]);
-    triangles.iter().map(|[a, b, c]| (*a - about).dot((*b - about).cross(*c - about))).sum()
 }
 
 #[cfg(test)]

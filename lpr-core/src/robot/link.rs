@@ -1,6 +1,6 @@
 //! The links of an arm, and the shapes that stand for them.
 
-use super::fit::Solid;
+use super::solid::PlacedSolid;
 use glamx::{DPose3, Vec3};
 
 /// A link with the shapes that stand for it.
@@ -25,15 +25,6 @@ pub struct Link {
     /// The geometry itself where checks use it instead of the spheres: of a link that does not move
     /// and all of whose parts are convex.
     pub solids: Vec<PlacedSolid>,
-}
-
-/// A convex solid in the frame of a link's body.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PlacedSolid {
-    /// Pose of the solid.
-    pub body_from_solid: DPose3,
-    /// The solid.
-    pub solid: Solid,
 }
 
 /// A sphere fixed to a frame of the robot.

@@ -18,9 +18,10 @@ mod pairs;
 mod tests;
 mod tree;
 
-use super::link::{Link, PlacedSolid, moved};
+use super::link::{Link, moved};
 use super::mesh::MeshReader;
 use super::model::{Robot, middle_of};
+use super::solid::PlacedSolid;
 use super::srdf::Semantics;
 use super::{Error, Follower, JointOrigin, MAX_JOINTS, Result, fit, xml};
 use description::{Collision, Description, Drive, Mobility, Shape};

@@ -1,26 +1,17 @@
 //! The robot as spheres, compiled for collision checks.
 
-use super::frames::{Frame, MovingFrame};
-use super::primitive::{Primitive, length};
+use super::frames::{Frame, MovingFrame, carrier};
+use super::link_spheres::{ArmPart, LinkBits, LinkSpheres, MAX_LINKS};
+use super::primitive::Primitive;
+use super::reach::Reach;
 use super::solids::Solids;
-use super::sweep::Reach;
-use super::sweep::{inverse_squared_move, least_radius};
 use crate::error::{Error, Result};
 use crate::robot::{JointConfig, JointRanges, Link, MAX_JOINTS, Robot, Sphere};
 use fearless_simd::Level;
-use glamx::{Pose3, Vec3};
+use glamx::Pose3;
 
 /// Most joints that follow others.
 pub(super) const MAX_FOLLOWERS: usize = 15;
-
-/// Most links with spheres.
-pub const MAX_LINKS: usize = 64;
-
-/// A bit for each link.
-pub(super) type LinkBits = u64;
-
-/// Most spheres of a cluster.
-pub(super) const CLUSTER: usize = 4;
 
 /// The spheres of a robot, its kinematics in f32 and the pairs of links that may meet.
 ///
@@ -58,22 +49,6 @@ pub struct ArmSpheres {
     pub(super) reaches: Vec<Reach>,
 }
 
-/// The spheres of one link and a sphere around all of them.
-#[derive(Debug, Clone)]
-pub(super) struct LinkSpheres {
-    name: String,
-    /// Index among the links of the robot; of what it holds, none of them.
-    index: usize,
-    /// 0: fixed to the base; i: carried by joint i, or a follower.
-    pub(super) body: usize,
-    /// Which cloud it is tested against.
-    pub(super) part: ArmPart,
-    pub(super) bound: Sphere,
-    /// Largest distance of a sphere's centre from that of the bound, metres.
-    pub(super) spread: f32,
-    pub(super) clusters: Vec<Cluster>,
-}
-
 /// Links of the base as solids.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Fixed {
@@ -81,28 +56,6 @@ pub(super) struct Fixed {
     pub(super) solids: Solids,
     /// Index of the link of each of the solids.
     pub(super) links: Vec<usize>,
-}
-
-/// A few spheres of a link that are close together and a sphere around them, in the body's frame.
-#[derive(Debug, Clone)]
-pub(super) struct Cluster {
-    pub(super) bound: Sphere,
-    pub(super) spheres: Vec<Sphere>,
-    /// Largest distance of a sphere's centre from that of the bound, metres.
-    pub(super) spread: f32,
-    /// `1/s²`, where `s` is the furthest that its smallest sphere may move straight between two looks.
-    pub(super) inverse_squared_move: f32,
-}
-
-/// The contact rule tells the gripper from the rest of the arm.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum ArmPart {
-    /// Links that do not move are never tested against the scene.
-    Base,
-    /// Links 1–7.
-    Arm,
-    /// The hand with its fingers.
-    Hand,
 }
 
 impl ArmSpheres {
@@ -158,7 +111,8 @@ impl ArmSpheres {
             reaches: Vec::new(),
         };
         arm.fix(order.iter().map(|&i| &chain.links[i]));
-        arm.reaches = arm.links.iter().map(|link| Reach::new(&arm, link)).collect();
+        arm.reaches =
+            arm.links.iter().map(|link| Reach::new(&arm.moves, &arm.limits, link)).collect();
         Ok(arm)
     }
 
@@ -209,7 +163,7 @@ impl ArmSpheres {
         let object = arm.links.len();
         let spheres = spheres.iter().map(moved).collect();
         arm.links.push(LinkSpheres::new("attached", self.tip_body, ArmPart::Hand, spheres));
-        arm.reaches.push(Reach::new(&arm, &arm.links[object]));
+        arm.reaches.push(Reach::new(&arm.moves, &arm.limits, &arm.links[object]));
         for (solid, &link) in self.fixed.links.iter().enumerate() {
             if touching.contains(&self.links[link].name.as_str()) {
                 arm.fixed.solids.allow(solid, 1 << object);
@@ -304,11 +258,7 @@ impl ArmSpheres {
 
     /// What carries a body; none of the base.
     pub(super) fn carrier(&self, body: usize) -> Option<&MovingFrame> {
-        // Of a serial arm at its own place.
-        let likely = body.checked_sub(1).and_then(|at| self.moves.get(at));
-        likely
-            .filter(|step| step.body == body)
-            .or_else(|| self.moves.iter().find(|step| step.body == body))
+        carrier(&self.moves, body)
     }
 
     /// Number of joints that have a motor.
@@ -349,40 +299,6 @@ impl ArmSpheres {
             };
             link.clusters.iter().flat_map(|cluster| &cluster.spheres).map(placed)
         })
-    }
-}
-
-impl LinkSpheres {
-    /// The bound is centred in the box of the spheres: not the least, but near it for long links.
-    fn new(name: &str, body: usize, part: ArmPart, spheres: Vec<Sphere>) -> Self {
-        let bound = bound(&spheres);
-        let spread = spread(bound.center, &spheres);
-        let mut clusters = Vec::new();
-        split(spheres, &mut clusters);
-        Self { name: name.to_owned(), index: usize::MAX, body, part, bound, spread, clusters }
-    }
-
-    fn of(link: &Link, index: usize) -> Self {
-        let part = if link.body == 0 { ArmPart::Base } else { ArmPart::Arm };
-        Self { index, ..Self::new(&link.name, link.body, part, link.spheres_in_body()) }
-    }
-
-    /// Name of the link.
-    pub(super) fn name(&self) -> &str {
-        &self.name
-    }
-
-    /// Index among the links of the robot.
-    pub(super) const fn index(&self) -> usize {
-        self.index
-    }
-}
-
-impl Cluster {
-    fn new(bound: Sphere, spheres: Vec<Sphere>) -> Self {
-        let spread = spread(bound.center, &spheres);
-        let inverse_squared_move = inverse_squared_move(least_radius(spheres.iter()));
-        Self { bound, spheres, spread, inverse_squared_move }
     }
 }
 
@@ -441,45 +357,6 @@ fn check_count(n_links: usize) -> Result<()> {
         return Ok(());
     }
     Err(Error::Robot(format!("{n_links} links have collision spheres, at most {MAX_LINKS} may")))
-}
-
-/// Halves the spheres across the longest side of their box until few are left together.
-fn split(mut spheres: Vec<Sphere>, clusters: &mut Vec<Cluster>) {
-    if spheres.len() <= CLUSTER {
-        if !spheres.is_empty() {
-            clusters.push(Cluster::new(bound(&spheres), spheres));
-        }
-        return;
-    }
-    let low = spheres.iter().fold(Vec3::splat(f32::INFINITY), |low, sphere| low.min(sphere.center));
-    let high =
-        spheres.iter().fold(Vec3::splat(f32::NEG_INFINITY), |high, sphere| high.max(sphere.center));
-    let axis = (high - low).max_position();
-    spheres.sort_by(|a, b| a.center[axis].total_cmp(&b.center[axis]));
-    let others = spheres.split_off(spheres.len() / 2);
-    split(spheres, clusters);
-    split(others, clusters);
-}
-
-/// Largest distance of a sphere's centre from a point.
-fn spread(from: Vec3, spheres: &[Sphere]) -> f32 {
-    spheres.iter().map(|sphere| length(sphere.center - from)).fold(0.0, f32::max)
-}
-
-/// A sphere around `spheres`.
-fn bound(spheres: &[Sphere]) -> Sphere {
-    let corner = |sign: f32, sphere: &Sphere| sphere.center + Vec3::splat(sign * sphere.radius);
-    let low = spheres
-        .iter()
-        .fold(Vec3::splat(f32::INFINITY), |low, sphere| low.min(corner(-1.0, sphere)));
-    let high = spheres
-        .iter()
-        .fold(Vec3::splat(f32::NEG_INFINITY), |high, sphere| high.max(corner(1.0, sphere)));
-    let center = if spheres.is_empty() { Vec3::ZERO } else { 0.5 * (low + high) };
-    let radius = spheres
-        .iter()
-        .fold(0.0, |most: f32, sphere| most.max(length(sphere.center - center) + sphere.radius));
-    Sphere { center, radius }
 }
 
 #[cfg(test)]

@@ -3,11 +3,10 @@
 //! Forward kinematics and checks run together. A link's bounding sphere is tested before its
 //! spheres, the hand before the links behind it, and the first hit in any lane ends the check.
 
-use super::arm_spheres::{
-    ArmPart, ArmSpheres, CLUSTER, Cluster, LinkBits, LinkSpheres, MAX_FOLLOWERS, MAX_LINKS,
-};
+use super::arm_spheres::{ArmSpheres, MAX_FOLLOWERS};
 use super::contents::Scene;
 use super::frames::{Frames, MAX_WIDTH, Rotation};
+use super::link_spheres::{ArmPart, CLUSTER, Cluster, LinkBits, LinkSpheres, MAX_LINKS};
 use super::sweep::{Pace, Sweep, Unseen};
 use crate::lanes::{Floats, Vec3s, sincos};
 use crate::robot::{DOF, JointConfig, JointMotion, MAX_JOINTS};

@@ -3,8 +3,8 @@
 //! Every cell knows a lower bound of its distance to the nearest point, so most queries end after
 //! one look-up.
 
-use super::arm_spheres::LinkSpheres;
 use super::frames::{Frames, MAX_WIDTH};
+use super::link_spheres::LinkSpheres;
 use crate::lanes::{Floats, Vec3s};
 use fearless_simd::{Simd, SimdBase as _, SimdFloat as _, SimdMask as _};
 use glamx::Vec3;

@@ -124,6 +124,13 @@ impl Frame {
     }
 }
 
+/// What carries a body; none of the base.
+pub(super) fn carrier(moves: &[MovingFrame], body: usize) -> Option<&MovingFrame> {
+    // Of a serial arm at its own place.
+    let likely = body.checked_sub(1).and_then(|at| moves.get(at));
+    likely.filter(|step| step.body == body).or_else(|| moves.iter().find(|step| step.body == body))
+}
+
 /// A frame in the world, for each lane.
 #[derive(Clone, Copy)]
 pub(super) struct Frames<S: Simd> {

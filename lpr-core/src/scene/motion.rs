@@ -1,9 +1,9 @@
 //! Checks of straight joint-space motions.
 
 use super::arm_spheres::ArmSpheres;
-use super::arm_spheres::LinkBits;
 use super::block::{self, Checked, Looks, Sampled};
 use super::contents::Scene;
+use super::link_spheres::LinkBits;
 use super::proximity::Proximity;
 use super::sweep::{LookSpacing, Sweep};
 use crate::robot::JointConfig;

@@ -4,9 +4,10 @@
 //! No simulator state enters, so the same function serves a real camera. Depth on the table is an
 //! obstacle like any other.
 
-use super::arm_spheres::{ArmPart, ArmSpheres};
+use super::arm_spheres::ArmSpheres;
 use super::cloud::{PointCloud, downsample};
 use super::contents::Scene;
+use super::link_spheres::ArmPart;
 use crate::perception::Observation;
 use crate::robot::{HAND, Joint, JointConfig, Robot, Sphere};
 use glamx::{Pose3, Vec3};

@@ -5,10 +5,11 @@
 //! a link's distance is that of its nearest sphere, and its gradient that sphere's, by the
 //! geometric Jacobian of its centre.
 
-use super::arm_spheres::{ArmPart, ArmSpheres, LinkSpheres};
+use super::arm_spheres::ArmSpheres;
 use super::cloud::PointCloud;
 use super::contents::Scene;
 use super::frames::Frame;
+use super::link_spheres::{ArmPart, LinkSpheres};
 use super::primitive::{Primitive, length};
 use super::signed_distance::SignedDistance;
 use crate::robot::{JointConfig, JointMotion, Sphere};

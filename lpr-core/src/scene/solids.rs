@@ -1,7 +1,7 @@
 //! Primitives prepared for checks: which of many a ball meets, for every lane at once.
 
-use super::arm_spheres::{LinkBits, LinkSpheres};
 use super::frames::Frames;
+use super::link_spheres::{LinkBits, LinkSpheres};
 use super::primitive::{Face, Primitive};
 use crate::lanes::Vec3s;
 use fearless_simd::{Simd, SimdBase as _, SimdFloat, SimdMask as _};

@@ -5,81 +5,19 @@
 //! nowhere between them deeper in anything than `r - sqrt(r² - s²/4)`; and a centre that
 //! accelerates by `a` in that time leaves the straight line by `a/8` at most.
 //!
-//! Two bounds say how far it moves. The first, of [`Reach`], costs next to nothing: the levers that
+//! Two bounds say how far it moves. The first, of `reach.rs`, costs next to nothing: the levers that
 //! the joints can have on a link, whatever the others do. A hand moves by much less than that, as
 //! joints seldom add up: where the first bound is not enough, the second, of [`Pace`], measures
 //! speeds at the looks.
 
-use super::arm_spheres::{ArmSpheres, LinkBits, LinkSpheres, MAX_LINKS};
+use super::arm_spheres::ArmSpheres;
 use super::frames::{Frames, MovingFrame};
+use super::link_spheres::{DEEPEST, LinkBits, MAX_LINKS, inverse_squared_move};
 use crate::lanes::{Floats, Vec3s, splat};
-use crate::robot::{JointConfig, JointMotion, MAX_JOINTS, Sphere};
+use crate::robot::{JointConfig, JointMotion, MAX_JOINTS};
 use arrayvec::ArrayVec;
 use fearless_simd::{Simd, SimdBase as _, SimdFloat as _, SimdMask as _};
 use glamx::Vec3;
-
-/// Deepest contact that may lie between two looks, metres.
-pub(super) const DEEPEST: f32 = 1e-3;
-
-/// A slide without limits goes as far as this, metres: numbers stay finite.
-const FURTHEST: f32 = 1e6;
-
-/// How far the spheres of a link can move.
-#[derive(Debug, Clone)]
-pub(super) struct Reach {
-    /// For each joint, metres that a sphere moves at most for each radian (or metre) of it.
-    levers: [f32; MAX_JOINTS],
-    /// Least radius of a sphere, metres.
-    radius: f32,
-    /// `1/s²`, where `s` is the furthest that the smallest may move straight between two looks.
-    inverse_squared_move: f32,
-}
-
-impl Reach {
-    /// The reach of a link of `arm`.
-    pub(super) fn new(arm: &ArmSpheres, link: &LinkSpheres) -> Self {
-        let spheres = || link.clusters.iter().flat_map(|cluster| &cluster.spheres);
-        let most = |size: fn(Vec3) -> f32| spheres().map(|s| size(s.center)).fold(0.0, f32::max);
-        let mut levers = [0.0; MAX_JOINTS];
-        let (mut from_axis, mut from_origin) = (most(off_axis), most(Vec3::length));
-        let mut body = link.body;
-        while let Some(step) = arm.carrier(body) {
-            let (lower, upper) = arm.limits()[step.joint];
-            let (lever, travel) = match step.motion {
-                JointMotion::Turn => (from_axis, 0.0),
-                JointMotion::Slide => {
-                    (1.0, step.position(lower).abs().max(step.position(upper).abs()))
-                }
-            };
-            levers[step.joint] += step.multiplier().abs() * lever;
-            let travel = travel.min(FURTHEST);
-            from_axis = off_axis(step.translation) + travel + from_origin;
-            from_origin += step.translation.length() + travel;
-            body = step.parent;
-        }
-        let radius = least_radius(spheres());
-        Self { levers, radius, inverse_squared_move: inverse_squared_move(radius) }
-    }
-
-    /// Metres that a sphere moves at most when the joints from the one of index `first` on move at
-    /// `rates`.
-    fn moved(&self, rates: &[f32], first: usize) -> f32 {
-        let moved = rates.iter().zip(&self.levers).map(|(rate, lever)| rate.abs() * lever);
-        moved.skip(first).sum()
-    }
-
-    /// Metres that a sphere moves at most in a step at `rates`, and its greatest acceleration,
-    /// metres for a squared step, by the [`turns`] of the joints.
-    fn motion(&self, rates: &[f32], turns: &[f32]) -> (f32, f32) {
-        let (mut moved, mut acceleration) = (0.0, 0.0);
-        for ((rate, turn), lever) in rates.iter().zip(turns).zip(&self.levers) {
-            let by = rate.abs() * lever;
-            moved += by;
-            acceleration += by * turn;
-        }
-        (moved, acceleration)
-    }
-}
 
 /// For each joint, radians in a step by which the motion that it gives a point is turned: once by
 /// itself, and in the second derivative twice by every joint before it.
@@ -100,21 +38,6 @@ fn turns(arm: &ArmSpheres, rates: &[f32; MAX_JOINTS]) -> [f32; MAX_JOINTS] {
         turns.fill(2.0 * arm.moves.iter().map(turn).sum::<f32>());
     }
     turns
-}
-
-/// Distance from the z axis.
-fn off_axis(v: Vec3) -> f32 {
-    libm::hypotf(v.x, v.y)
-}
-
-pub(super) fn least_radius<'a>(spheres: impl Iterator<Item = &'a Sphere>) -> f32 {
-    spheres.map(|sphere| sphere.radius).fold(f32::INFINITY, f32::min)
-}
-
-/// `1/s²`, where `s` is the longest straight move between two looks at a sphere of that radius.
-pub(super) fn inverse_squared_move(radius: f32) -> f32 {
-    // What is smaller than the depth allowed cannot be deeper.
-    1.0 / (4.0 * (2.0 * radius.max(DEEPEST) - DEEPEST) * DEEPEST)
 }
 
 /// A motion in equal steps, and what to measure at the looks at it.

@@ -1,5 +1,5 @@
-use super::arm_spheres::LinkBits;
 use super::block::{Looks, Sampled};
+use super::link_spheres::LinkBits;
 use super::stick_arm::{is_free_by_brute_force, stick_arm};
 use super::sweep::{LookSpacing, Sweep, Unseen};
 use super::*;

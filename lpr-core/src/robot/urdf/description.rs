@@ -3,8 +3,8 @@
 
 use crate::error::{Error, Result};
 use crate::robot::JointMotion;
-use crate::robot::fit::Solid;
 use crate::robot::mesh::{self, MeshReader};
+use crate::robot::solid::Solid;
 use crate::robot::xml::{
     Node, attribute, child, children, fault, lengths, line_of, needed_child, number, numbers,
     quoted, sizes,
