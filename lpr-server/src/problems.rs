@@ -50,7 +50,8 @@ pub struct Problem {
     attached: Option<AttachedJson>,
 }
 
-/// What the tip carries: solids in its frame.
+/// What the tip carries: solids in its frame. The lists are those of a problem: serde cannot take
+/// them from one struct and refuse unknown fields, too.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct AttachedJson {

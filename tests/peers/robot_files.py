@@ -159,7 +159,7 @@ def main():
         word = f"{found[0]:.1e} m, {found[1]:.1e} rad" if isinstance(found, tuple) else found
         print(f"{path.name}: {n_joints} joints to {tip}: {'' if agrees else 'DIFFERS: '}{word}")
     print(f"{n_agree} of {n_files} agree")
-    sys.exit(n_agree != n_files)
+    sys.exit(0 if n_agree == n_files else 1)
 
 
 if __name__ == "__main__":

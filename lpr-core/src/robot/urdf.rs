@@ -1,8 +1,8 @@
 //! Arms from URDF and SRDF, as they are at run time.
 //!
 //! The arm is the path of joints from a base to a tip; everything else hangs rigidly on it. Of a
-//! link only `<collision>` is read: spheres are used as they are, other geometry is covered by
-//! spheres (`robot/fit.rs`). What moves with a joint of the arm moves (`robot/follower.rs`); all else
+//! link only `<collision>` is read: spheres are used as they are, and so are convex parts of a base;
+//! other geometry is covered by spheres (`robot/fit.rs`). What moves with a joint of the arm moves (`robot/follower.rs`); all else
 //! keeps its place. Inertia, visual geometry, transmissions, safety controllers and macros
 //! are ignored, but for macros that were never expanded: those are an error.
 //!
@@ -13,24 +13,20 @@ mod description;
 #[cfg(test)]
 mod fuzz;
 mod groups;
+mod links;
 mod pairs;
 #[cfg(test)]
 mod tests;
 mod tree;
 
-use super::link::{Link, moved};
 use super::mesh::MeshReader;
 use super::model::{Robot, middle_of};
-use super::solid::PlacedSolid;
 use super::srdf::Semantics;
-use super::{Error, Follower, JointOrigin, MAX_JOINTS, Result, fit, xml};
-use description::{Collision, Description, Drive, Mobility, Shape};
+use super::{Error, Follower, JointOrigin, MAX_JOINTS, Result, xml};
+use description::{Description, Drive, Mobility};
 use glamx::{DPose3, DQuat, DVec3};
 use tree::Tree;
 use xml::quoted;
-
-/// Most links with collision geometry: their pairs are listed.
-const MAX_SOLID_LINKS: usize = 500;
 
 /// What is asked of a description beside the URDF itself.
 #[derive(Debug, Clone, Copy, Default)]
@@ -182,7 +178,7 @@ impl Robot {
         let drives = drives(&description, &tree, &path, tip)?;
         let placed = Placed::new(&description, &tree, base, &path, &drives);
         let mut warnings = warnings_of(&description, &path);
-        let links = links(&description, &placed.places, options, meshes, &mut warnings)?;
+        let links = links::links(&description, &placed.places, options, meshes, &mut warnings)?;
         let mut robot = Self {
             allowed_self_collisions: Vec::new(),
             name: description.name.clone(),
@@ -439,65 +435,4 @@ fn turn_of_z_to(axis: DVec3) -> DQuat {
         return DQuat::from_xyzw(1.0, 0.0, 0.0, 0.0);
     }
     DQuat::from_xyzw(-axis.y / length, axis.x / length, 0.0, w / length)
-}
-
-fn links(
-    description: &Description,
-    places: &[Place],
-    options: &UrdfOptions<'_>,
-    meshes: &MeshReader<'_>,
-    warnings: &mut Vec<String>,
-) -> Result<Vec<Link>> {
-    let solid = description.links.iter().filter(|link| !link.collisions.is_empty());
-    let n_solid = solid.clone().count();
-    if let Some(link) = solid.clone().nth(MAX_SOLID_LINKS) {
-        let name = quoted(&link.name);
-        return Err(Error::Robot(format!(
-            "link {name}: {n_solid} links have collision geometry, at most {MAX_SOLID_LINKS} may"
-        )));
-    }
-    let mut links = Vec::with_capacity(places.len());
-    for (link, place) in description.links.iter().zip(places) {
-        let mut found = Link {
-            name: link.name.clone(),
-            body: place.body,
-            body_from_link: place.body_from_link,
-            body_from_shapes: DPose3::IDENTITY,
-            spheres: Vec::new(),
-            capsules: Vec::new(),
-            overshoot: 0.0,
-            solids: Vec::new(),
-        };
-        let named = |message| format!("link {}, {message}", quoted(&link.name));
-        for Collision { link_from_solid, shape } in &link.collisions {
-            if options.without_geometry {
-                break;
-            }
-            let read = match shape {
-                Shape::Solid(solid) => Ok(solid.clone()),
-                Shape::Mesh(mesh) => mesh.read(meshes),
-            };
-            let (solid, cover) = match read.and_then(|it| Ok((fit::cover(&it)?, it))) {
-                Ok((cover, solid)) => (solid, cover),
-                Err(reason) if options.ignore_missing_meshes => {
-                    warnings.push(named(format!("{reason}: it is left out")));
-                    continue;
-                }
-                Err(reason) => return Err(Error::Robot(named(reason))),
-            };
-            let body_from_solid = place.body_from_link * *link_from_solid;
-            found.spheres.extend(moved(&cover.spheres, &body_from_solid));
-            found.overshoot = found.overshoot.max(cover.overshoot);
-            found.solids.push(PlacedSolid { body_from_solid, solid });
-        }
-        // Spheres serve what moves, and what they are exact for.
-        let is_exact = place.body == 0
-            && found.overshoot > 0.0
-            && found.solids.iter().all(|placed| placed.solid.is_convex());
-        if !is_exact {
-            found.solids = Vec::new();
-        }
-        links.push(found);
-    }
-    Ok(links)
 }

@@ -205,18 +205,19 @@ impl ArmSpheres {
         }
     }
 
-    /// Pairs of a link of the base that is tested by its solids, and of another.
-    pub(super) fn fixed_pairs(&self) -> Vec<(usize, usize)> {
-        let mut pairs: Vec<(usize, usize)> = (0..self.links.len())
+    /// Pairs of links that are tested against each other: by their spheres, and those of a base that
+    /// is tested by its solids, which comes first.
+    pub(super) fn tested_pairs(&self) -> Vec<(usize, usize)> {
+        let moving = (0..self.links.len()).filter(|&idx| self.links[idx].body != 0);
+        let mut with_fixed: Vec<(usize, usize)> = moving
             .flat_map(|idx| {
                 let bases = self.fixed.solids.forbidden(1 << idx).map(|(solid, _)| solid);
                 bases.map(move |solid| (self.fixed.links[solid], idx))
             })
-            .filter(|&(_, idx)| self.links[idx].body != 0)
             .collect();
-        pairs.sort_unstable();
-        pairs.dedup();
-        pairs
+        with_fixed.sort_unstable();
+        with_fixed.dedup();
+        [&self.self_pairs[..], &with_fixed].concat()
     }
 
     /// The bits of the links of that name, for [`super::Scene::allow_contact`].
@@ -226,11 +227,6 @@ impl ArmSpheres {
             .enumerate()
             .filter(|(_, link)| link.name == name)
             .fold(0, |bits, (idx, _)| bits | (1 << idx))
-    }
-
-    /// Pairs of links that are tested against each other.
-    pub(super) fn self_pairs(&self) -> &[(usize, usize)] {
-        &self.self_pairs
     }
 
     /// A link by its place here.

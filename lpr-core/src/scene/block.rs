@@ -38,6 +38,17 @@ pub(super) enum Looks {
     Middles,
 }
 
+impl Looks {
+    /// Steps between two looks at a motion once it has been looked at here, which is after the ends
+    /// where it is at the middles.
+    pub(super) const fn spacing(self) -> f32 {
+        match self {
+            Self::Ends => 1.0,
+            Self::Middles => 0.5,
+        }
+    }
+}
+
 /// A straight motion and where to look at it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Sampled<'a> {

@@ -5,7 +5,7 @@ use super::block::{self, Checked, Looks, Sampled};
 use super::contents::Scene;
 use super::link_spheres::LinkBits;
 use super::proximity::Proximity;
-use super::sweep::{LookSpacing, Sweep};
+use super::sweep::Sweep;
 use crate::robot::JointConfig;
 use core::cell::Cell;
 use core::fmt;
@@ -160,30 +160,37 @@ impl<'a> MotionChecker<'a> {
     /// asks [`Self::path_is_free`].
     #[must_use]
     pub fn motion_is_free(&self, a: &JointConfig, b: &JointConfig) -> bool {
-        let spacing = LookSpacing { between: 1.0, from_measured: 1.0 };
-        self.look(a, b, Looks::Ends, self.is_exact.then_some(spacing))
+        let n = self.n_steps(a, b);
+        let sweep =
+            self.is_exact.then(|| Sweep::new(self.arm, (a, b), n, Looks::Ends.spacing())).flatten();
+        self.look(a, b, n, Looks::Ends, sweep.as_ref())
     }
 
     /// True if a motion that [`Self::motion_is_free`] found free, in whichever direction, is also free
     /// half-way between the configurations that it looked at, and wherever something deeper than
     /// 1 mm could be between these.
     pub(crate) fn is_free_between(&self, a: &JointConfig, b: &JointConfig) -> bool {
-        self.look(a, b, Looks::Middles, Some(LookSpacing { between: 0.5, from_measured: 0.5 }))
+        let n = self.n_steps(a, b);
+        let sweep = Sweep::new(self.arm, (a, b), n, Looks::Middles.spacing());
+        self.look(a, b, n, Looks::Middles, sweep.as_ref())
     }
 
-    /// Looks at a motion; with a `spacing`, of the looks at it then, also closer where that leaves
-    /// something unseen.
+    fn n_steps(&self, a: &JointConfig, b: &JointConfig) -> usize {
+        block::whole_blocks(libm::ceilf(a.distance(b) * self.checks_per_radian) as usize)
+    }
+
+    /// Looks at a motion in `n` steps, and closer where the `sweep` says that this leaves something
+    /// unseen.
     fn look(
         &self,
         a: &JointConfig,
         b: &JointConfig,
+        n: usize,
         looks: Looks,
-        spacing: Option<LookSpacing>,
+        sweep: Option<&Sweep>,
     ) -> bool {
-        let n = block::whole_blocks(libm::ceilf(a.distance(b) * self.checks_per_radian) as usize);
         let motion = Sampled { a, b, n_steps: n, looks, links: LinkBits::MAX };
-        let sweep = spacing.and_then(|spacing| Sweep::new(self.arm, (a, b), n, spacing));
-        let checked = self.counted(motion, sweep.as_ref());
+        let checked = self.counted(motion, sweep);
         let Some(unseen) = checked.unseen else {
             return checked.is_free;
         };

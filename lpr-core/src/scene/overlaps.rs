@@ -64,28 +64,20 @@ pub fn overlaps(robot: &Robot) -> Result<Vec<Overlap>> {
         0.0_f32.max(robot.joints[j].lower).min(robot.joints[j].upper)
     });
     let rest = Placed::new(&arm, &rest);
-    // By spheres, and by the solids of the base.
-    let by_spheres = arm.self_pairs().iter().map(|pair| (*pair, false));
-    let by_solids = arm.fixed_pairs().into_iter().map(|pair| (pair, true));
-    let touch = |placed: &Placed<'_>, (a, b): (usize, usize), is_fixed: bool| match is_fixed {
-        true => placed.touches_fixed(a, b),
-        false => placed.touch(a, b),
-    };
-    let mut pairs: Vec<_> = (by_spheres.chain(by_solids))
-        .map(|(pair, is_fixed)| (pair, is_fixed, touch(&rest, pair, is_fixed), 0_u32))
-        .collect();
+    let mut pairs: Vec<_> =
+        (arm.tested_pairs().into_iter()).map(|(a, b)| (a, b, rest.touch(a, b), 0_u32)).collect();
     let rng = &mut stream(0, Stream::SelfPairs, 0);
     for sample in 1..=SAMPLES {
         let placed = Placed::new(&arm, &robot.random_config(rng));
-        for (pair, is_fixed, _, n_contacts) in &mut pairs {
-            *n_contacts += u32::from(touch(&placed, *pair, *is_fixed));
+        for (a, b, _, n_contacts) in &mut pairs {
+            *n_contacts += u32::from(placed.touch(*a, *b));
         }
         if sample == FIRST {
             pairs.retain(|(.., at_rest, n_contacts)| *at_rest || 3 * *n_contacts > 2 * FIRST);
         }
     }
     let mut found: Vec<Overlap> = (pairs.into_iter())
-        .map(|((a, b), _, at_rest, n_contacts)| {
+        .map(|(a, b, at_rest, n_contacts)| {
             let (a, b) = (arm.link(a).index(), arm.link(b).index());
             let share = n_contacts as f32 / SAMPLES as f32;
             Overlap { pair: (a.min(b), a.max(b)), share, at_rest }

@@ -130,9 +130,16 @@ impl<'a> Placed<'a> {
         Self { arm, frames: arm.frames(config) }
     }
 
-    /// True if two links touch.
+    /// True if two links touch, the first by its solids where these are tested.
     pub(super) fn touch(&self, a: usize, b: usize) -> bool {
-        let (a, b) = (&self.arm.links[a], &self.arm.links[b]);
+        let (fixed, link_b) = (&self.arm.fixed, &self.arm.links[b]);
+        if fixed.links.contains(&a) {
+            let solids = fixed.solids.primitives().zip(&fixed.links);
+            return solids
+                .filter(|(_, link)| **link == a)
+                .any(|(solid, _)| self.nearest_to_solid(link_b, solid, 0.0).is_some());
+        }
+        let (a, b) = (&self.arm.links[a], link_b);
         let (bound_a, bound_b) = (self.place(a, &a.bound), self.place(b, &b.bound));
         let overlap = |a: &Sphere, b: &Sphere| length(a.center - b.center) < a.radius + b.radius;
         if !overlap(&bound_a, &bound_b) {
@@ -142,14 +149,6 @@ impl<'a> Placed<'a> {
         let others: Vec<Sphere> =
             self.spheres(b).filter(|sphere| overlap(sphere, &bound_a)).collect();
         near_b.into_iter().any(|sphere| others.iter().any(|other| overlap(&sphere, other)))
-    }
-
-    /// True if a link touches link `base`, which is tested by its solids.
-    pub(super) fn touches_fixed(&self, base: usize, link: usize) -> bool {
-        let fixed = &self.arm.fixed;
-        (fixed.solids.primitives().zip(&fixed.links))
-            .filter(|(_, of)| **of == base)
-            .any(|(solid, _)| self.nearest_to_solid(&self.arm.links[link], solid, 0.0).is_some())
     }
 
     fn place(&self, link: &LinkSpheres, sphere: &Sphere) -> Sphere {

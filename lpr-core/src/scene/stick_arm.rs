@@ -1,7 +1,7 @@
 //! An arm for tests: the Panda's kinematics with balls along straight sticks, so that no test hangs
 //! on the real arms' geometry.
 
-use crate::robot::{HAND, Joint, Link, N_LINKS, PANDA, Robot, Sphere};
+use crate::robot::{HAND, Joint, JointConfig, Link, N_LINKS, PANDA, Robot, Sphere};
 use glamx::{Pose3, Vec3};
 
 /// Radius of the balls along the links, metres.
@@ -25,6 +25,12 @@ pub(crate) fn stick_arm() -> Robot {
         allowed_self_collisions: near.collect(),
         ..Robot::clone(&PANDA)
     }
+}
+
+/// Its start, turned about the vertical and lifted at the shoulder, radians.
+pub(crate) fn at(turn: f32, lift: f32) -> JointConfig {
+    let start = PANDA.start;
+    JointConfig::from_fn(7, |j| start[j] + [turn, -lift, 0.0, 0.0, 0.0, 0.0, 0.0][j])
 }
 
 /// Origin of the joint's frame in the link before it.
@@ -55,7 +61,7 @@ fn hand() -> Vec<Sphere> {
 pub(crate) fn is_free_by_brute_force(
     robot: &Robot,
     scene: &super::Scene,
-    config: &crate::robot::JointConfig,
+    config: &JointConfig,
     margin: f32,
 ) -> bool {
     let frames = robot.link_frames(config);

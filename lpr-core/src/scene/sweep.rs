@@ -63,15 +63,6 @@ struct LinkSweep {
     is_measured: bool,
 }
 
-/// Distances in steps of a motion.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct LookSpacing {
-    /// From one configuration that has been looked at to the next.
-    pub(super) between: f32,
-    /// From where speeds are measured, at most.
-    pub(super) from_measured: f32,
-}
-
 /// What the looks at a motion left unseen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Unseen {
@@ -83,24 +74,25 @@ pub(super) struct Unseen {
 
 impl Sweep {
     /// The motion from `a` to `b` in `n` equal steps; none if the looks are close enough by the
-    /// levers.
+    /// levers. Looks are `spacing` steps apart, and speeds are measured no further than that from
+    /// anywhere.
     pub(super) fn new(
         arm: &ArmSpheres,
         (a, b): (&JointConfig, &JointConfig),
         n: usize,
-        looks: LookSpacing,
+        spacing: f32,
     ) -> Option<Self> {
         let mut rates = [0.0; MAX_JOINTS];
         for (rate, (a, b)) in rates.iter_mut().zip(a.iter().zip(b.iter())) {
             *rate = (b - a) / n as f32;
         }
-        let enough = 1.0 / (looks.between * looks.between);
+        let enough = 1.0 / (spacing * spacing);
         let turns = turns(arm, &rates);
         let links = arm.reaches.iter().map(|reach| {
             let (moved, acceleration) = reach.motion(&rates[..arm.dof()], &turns);
             let bend = acceleration / (8.0 * DEEPEST);
             let needed = moved * moved * reach.inverse_squared_move + bend;
-            let faster = looks.from_measured * acceleration;
+            let faster = spacing * acceleration;
             LinkSweep { moved, faster, bend, is_measured: needed > enough }
         });
         let links: ArrayVec<LinkSweep, MAX_LINKS> = links.collect();

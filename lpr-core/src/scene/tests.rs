@@ -1,7 +1,7 @@
 use super::block::{Looks, Sampled};
 use super::link_spheres::LinkBits;
 use super::stick_arm::{is_free_by_brute_force, stick_arm};
-use super::sweep::{LookSpacing, Sweep, Unseen};
+use super::sweep::{Sweep, Unseen};
 use super::*;
 use crate::robot::{Joint, JointConfig, JointMotion, JointOrigin, Link, Robot, Sphere};
 use fearless_simd::Level;
@@ -180,8 +180,7 @@ proptest! {
         let n = n_steps.next_multiple_of(8);
         for (looks, before) in [(Looks::Ends, 0.0), (Looks::Middles, 0.5)] {
             let motion = Sampled { a: &a, b: &b, n_steps, looks, links: LinkBits::MAX };
-            let spacing = LookSpacing { between: 0.5, from_measured: 1.0 };
-            let sweep = Sweep::new(&arm, (&a, &b), n, spacing);
+            let sweep = Sweep::new(&arm, (&a, &b), n, looks.spacing());
             let checked = levels().into_iter().map(|level| {
                 block::motion_is_free(&scene, &at_level(&arm, level), motion, sweep.as_ref())
             });

@@ -71,7 +71,7 @@ fn halve_edges(configs: &[JointConfig]) -> Vec<JointConfig> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::stick_arm::stick_arm;
+    use crate::scene::stick_arm::{at, stick_arm};
     use crate::scene::{ArmSpheres, Primitive, Scene};
     use glamx::Vec3;
 
@@ -79,13 +79,6 @@ mod tests {
     fn a_detour_around_nothing_becomes_straight() {
         let (scene, arm) = (Scene::empty(), ArmSpheres::new(&stick_arm()));
         let checker = MotionChecker::new(&scene, &arm, 32.0);
-        let start = stick_arm().start;
-        let at = |turn: f32, lift: f32| {
-            let mut config = start;
-            config[0] += turn;
-            config[1] -= lift;
-            config
-        };
         let path =
             JointPath(vec![at(0.0, 0.0), at(0.2, 0.6), at(0.8, 0.6), at(0.5, 0.1), at(1.0, 0.0)]);
         assert_eq!(shortcut(&path, &checker), JointPath(vec![at(0.0, 0.0), at(1.0, 0.0)]));
@@ -103,9 +96,6 @@ mod tests {
         };
         let scene = Scene::from_primitives(vec![post]);
         let checker = MotionChecker::new(&scene, &arm, 32.0);
-        let at = |turn: f32, lift: f32| {
-            JointConfig::from_fn(7, |j| robot.start[j] + [turn, -lift, 0.0, 0.0, 0.0, 0.0, 0.0][j])
-        };
         let path = JointPath(vec![at(-0.8, 0.0), at(-0.8, 0.9), at(0.8, 0.9), at(0.8, 0.0)]);
         assert!(
             checker.path_is_free(path.configs())

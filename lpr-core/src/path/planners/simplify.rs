@@ -105,15 +105,9 @@ mod tests {
     use crate::path::planners::rrt_connect::{RrtSettings, rrt_connect};
     use crate::path::planners::shortcut::shortcut;
     use crate::rng::{Stream, stream};
-    use crate::scene::stick_arm::stick_arm;
+    use crate::scene::stick_arm::{at, stick_arm};
     use crate::scene::{ArmSpheres, Primitive, Scene};
     use glamx::Vec3;
-
-    fn at(turn: f32, lift: f32) -> JointConfig {
-        JointConfig::from_fn(7, |j| {
-            stick_arm().start[j] + [turn, -lift, 0.0, 0.0, 0.0, 0.0, 0.0][j]
-        })
-    }
 
     #[test]
     fn a_detour_around_nothing_becomes_straight() {

@@ -61,14 +61,8 @@ pub fn free_curve<const N: usize>(
 mod tests {
     use super::*;
     use crate::robot::DOF;
-    use crate::scene::stick_arm::stick_arm;
+    use crate::scene::stick_arm::{at, stick_arm};
     use crate::scene::{ArmSpheres, Primitive, Scene};
-
-    fn at(turn: f32, lift: f32) -> JointConfig {
-        JointConfig::from_fn(7, |j| {
-            stick_arm().start[j] + [turn, -lift, 0.0, 0.0, 0.0, 0.0, 0.0][j]
-        })
-    }
 
     /// The curve swings out at a corner: the ball is where that of the longest pieces would pass.
     #[test]

@@ -1,7 +1,7 @@
 mod as_found;
 
 use super::*;
-use crate::robot::{JointConfig, JointMotion};
+use crate::robot::{JointConfig, JointMotion, Link};
 use core::f64::consts::FRAC_PI_2;
 use glamx::Vec3;
 
