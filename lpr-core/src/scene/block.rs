@@ -118,13 +118,13 @@ fn rake<S: Simd, const J: usize, const B: usize, const IS_SERIAL: bool>(
     let width = Floats::<S>::LEN;
     let stride = n.div_ceil(width);
     let mut pace = sweep.map(|_| Pace::new(simd, arm));
+    let mut frames = [Frames::identity(simd); B];
     for step in 0..stride {
         let fraction = fractions(simd, stride, step, n, looks);
         let mut q = [fraction; J];
         for j in 0..J {
             q[j] = fraction * (b[j] - a[j]) + a[j];
         }
-        let mut frames = [Frames::identity(simd); B];
         forward_kinematics::<S, J, B, IS_SERIAL>(simd, arm, &q, &mut frames);
         if !block_is_free(simd, scene, arm, links, &frames) {
             let n_checks = ((step + 1) * width).min(n) as u64;

@@ -159,14 +159,12 @@ pub(super) fn sample_within(bounds: &[(f32, f32)], rng: &mut Rng) -> JointConfig
 }
 
 /// The configuration moved into `bounds`.
-#[cfg(feature = "planners")]
 pub(super) fn clamped(config: &JointConfig, bounds: &[(f32, f32)]) -> JointConfig {
     JointConfig::from_fn(bounds.len(), |j| config[j].max(bounds[j].0).min(bounds[j].1))
 }
 
 /// A configuration within `bounds`, or moved there, none of whose joints is further than `distance`
 /// (radians) from that of `center`.
-#[cfg(feature = "planners")]
 pub(super) fn sample_near(
     bounds: &[(f32, f32)],
     center: &JointConfig,
