@@ -2,10 +2,13 @@
 
 Every path is looked at 128 times per radian. Prints how deep the arm's spheres are in an obstacle or in another link at the worst.
 
-    lpr plan --robot ARM.urdf --srdf ARM.srdf --problems PROBLEMS.json --json > plans.json
-    python tests/peers/planning.py ARM.urdf ARM.srdf PROBLEMS.json plans.json
+    lpr robots --describe ARM.urdf --srdf ARM.srdf --write-srdf found.srdf --json > arm.json
+    lpr plan --robot ARM.urdf --srdf ARM.srdf --problems PROBLEMS.json --simplify --json > plans.json
+    python tests/peers/planning.py ARM.urdf arm.json found.srdf PROBLEMS.json plans.json
 
-numpy 2; the description must have spheres as collision geometry only, its joints turn about their z axis.
+Pairs of links that the program leaves out are those that it writes down. Joints outside the chain stand at 0.
+
+numpy 2; the description must have spheres as collision geometry only.
 """
 
 import json
@@ -38,21 +41,36 @@ def origin(element):
     return pose
 
 
+def motion(axis, slides, q):
+    """The motion about, or along, an axis, for every position."""
+    axis = axis / np.linalg.norm(axis)
+    motion = np.broadcast_to(np.eye(4), (len(q), 4, 4)).copy()
+    if slides:
+        motion[:, :3, 3] = q[:, None] * axis
+        return motion
+    x, y, z = axis
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    sin, cos = np.sin(q)[:, None, None], np.cos(q)[:, None, None]
+    motion[:, :3, :3] = np.eye(3) + sin * cross + (1 - cos) * (cross @ cross)
+    return motion
+
+
 class Arm:
     """Links with their spheres, joint by joint from the root."""
 
-    def __init__(self, urdf, srdf):
+    def __init__(self, urdf, description, srdf):
         robot = ElementTree.parse(urdf).getroot()
         self.spheres, self.joints = {}, {}
+        self.order = [joint["name"] for joint in json.load(open(description))["joints"]]
         for link in robot.findall("link"):
             places = [(origin(c)[:3, 3], float(c.find("geometry/sphere").get("radius"))) for c in link.findall("collision")]
             self.spheres[link.get("name")] = places
         for joint in robot.findall("joint"):
-            moves = joint.get("type") == "revolute"
-            assert not moves or joint.find("axis").get("xyz").split() == ["0", "0", "1"]
             child, parent = joint.find("child").get("link"), joint.find("parent").get("link")
-            self.joints[child] = (parent, origin(joint), moves)
-        self.order = [child for child, (_, _, moves) in self.joints.items() if moves]
+            moves = joint.get("name") in self.order
+            axis = numbers(joint.find("axis").get("xyz")) if moves else None
+            slides = joint.get("type") == "prismatic"
+            self.joints[child] = (parent, origin(joint), (joint.get("name"), axis, slides) if moves else None)
         pairs = ElementTree.parse(srdf).getroot().findall("disable_collisions")
         self.allowed = {frozenset((pair.get("link1"), pair.get("link2"))) for pair in pairs}
 
@@ -68,11 +86,8 @@ class Arm:
                     parent, offset, moves = self.joints[link]
                     frame = place(parent) @ offset
                     if moves:
-                        angle = configs[:, self.order.index(link)]
-                        turn = np.broadcast_to(np.eye(4), (len(configs), 4, 4)).copy()
-                        turn[:, 0, 0], turn[:, 1, 1] = np.cos(angle), np.cos(angle)
-                        turn[:, 1, 0], turn[:, 0, 1] = np.sin(angle), -np.sin(angle)
-                        frame = frame @ turn
+                        name, axis, slides = moves
+                        frame = frame @ motion(axis, slides, configs[:, self.order.index(name)])
                     frames[link] = frame
             return frames[link]
 
@@ -80,15 +95,15 @@ class Arm:
             place(link)
         return frames
 
+    def carrier(self, link):
+        """The first link of the body that a link is on."""
+        while link in self.joints and not self.joints[link][2]:
+            link = self.joints[link][0]
+        return link
+
     def is_rigid(self, a, b):
-        """Whether no joint that moves is between two links."""
-
-        def carrier(link):
-            while link in self.joints and not self.joints[link][2]:
-                link = self.joints[link][0]
-            return link
-
-        return carrier(a) == carrier(b)
+        """True if no joint that moves is between two links."""
+        return self.carrier(a) == self.carrier(b)
 
 
 def signed_distance(points, problem):
@@ -128,10 +143,9 @@ def depth(arm, problem, path):
         link: [(np.einsum("nij,j->ni", frames[link][:, :3, :3], center) + frames[link][:, :3, 3], radius) for center, radius in spheres]
         for link, spheres in arm.spheres.items()
     }
-    root = next(link for link in arm.spheres if link not in arm.joints)
     for link, spheres in placed.items():
         for center, radius in spheres:
-            if link != root:
+            if arm.carrier(link) in arm.joints:
                 worst = max(worst, (radius - signed_distance(center, problem)).max())
     links = list(placed)
     for i, a in enumerate(links):
@@ -145,15 +159,16 @@ def depth(arm, problem, path):
 
 
 def main():
-    urdf, srdf, problems, plans = sys.argv[1:]
-    arm = Arm(urdf, srdf)
+    urdf, description, srdf, problems, plans = sys.argv[1:]
+    arm = Arm(urdf, description, srdf)
     by_name = {problem["name"]: problem for problem in json.load(open(problems))["problems"]}
     depths = []
     for result in json.load(open(plans))["results"]:
         if result["solved"]:
             path, problem = np.array(result["path"]), by_name[result["name"]]
-            assert np.allclose(path[0], problem["start"], atol=1e-6)
-            assert any(np.allclose(path[-1], goal, atol=1e-6) for goal in problem["goals"])
+            # What is beyond a limit by rounding is at the limit.
+            assert np.allclose(path[0], problem["start"], atol=1e-4)
+            assert any(np.allclose(path[-1], goal, atol=1e-4) for goal in problem["goals"])
             depths.append(depth(arm, problem, path))
     depths = np.array(depths) * 1000
     print(f"{len(depths)} paths; {np.sum(depths > 0)} touch something, {np.sum(depths > 2)} by more than 2 mm; worst {depths.max():.2f} mm")
