@@ -29,7 +29,7 @@ mod xml;
 use crate::error::{Error, Result};
 
 pub use fit::MAX_SPHERES;
-pub(crate) use fit::cover;
+pub(crate) use fit::cover_by_few;
 pub use follower::Follower;
 pub use geometry::{Finger, GripperBox, MAX_OVERSHOOT};
 pub use gripper::{Gripper, GripperSpec};

@@ -10,6 +10,8 @@ mod cloud;
 mod contact;
 mod contents;
 mod frames;
+#[cfg(feature = "hulls")]
+mod geometry;
 mod link_spheres;
 mod motion;
 mod obstacles;

@@ -15,8 +15,8 @@ const MAX_LENGTH: f32 = 1000.0;
 /// Radius of the ball around a point of a cloud when the file names none, metres.
 const POINT_RADIUS: f32 = 0.01;
 
-/// A file of problems for one arm. Lengths in metres, joints in radians, the arm's base at the
-/// origin.
+/// A file of problems for one arm. Lengths in metres, joints in radians; the world is the frame of the
+/// description's root link, of a built-in arm its base.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ProblemFile {

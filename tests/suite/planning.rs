@@ -109,6 +109,22 @@ fn problems_that_none_can_solve_say_why() {
     );
 }
 
+/// Problem sets round pi in other places than descriptions do.
+#[test]
+fn ends_beyond_a_limit_by_rounding_are_at_the_limit() {
+    let limit = f64::from(XARM7.joints[6].upper);
+    let beyond = |by: f64| value!([-0.8, 0.2, 0, 1.0, 0, 1.2, limit + by]);
+    let mut problem = value!({"name": "p", "start": beyond(3e-6), "goals": [beyond(9e-5)]});
+    let result = &plan(&Folder::new(), &[problem.clone()], &[])["results"][0];
+    assert_eq!(result["solved"], true, "{result}");
+    for end in result["path"].as_array().unwrap() {
+        assert_eq!(end[6].as_f64().unwrap() as f32, XARM7.joints[6].upper);
+    }
+    problem["goals"] = value!([beyond(2e-4)]);
+    let result = &plan(&Folder::new(), &[problem], &[])["results"][0];
+    assert_eq!(result["reason"], "outside_limits");
+}
+
 #[test]
 fn a_world_may_be_empty_and_a_file_without_problems() {
     let problem = value!({"name": "nothing", "start": [-0.8, 0.2, 0, 1.0, 0, 1.2, 0], "goals": [[0.8, 0.2, 0, 1.0, 0, 1.2, 0]]});

@@ -391,3 +391,69 @@ fn pairs_that_the_users_srdf_disabled_are_written_as_the_users() {
         assert!(line.contains(&format!(r#"reason="{reason}""#)), "{written}");
     }
 }
+
+/// A plate, and another on an arm of two joints that swings over it at a height of `gap` metres above
+/// it once in a while.
+fn swinging_plates(gap: f64) -> String {
+    let plate = |name: &str, at: &str| {
+        format!(
+            r#"<link name="{name}"><collision><origin xyz="{at}"/><geometry><box size="0.3 0.3 0.02"/></geometry></collision></link>"#
+        )
+    };
+    let joint = |name: &str, parent: &str, child: &str, at: &str| {
+        format!(
+            r#"<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/><origin xyz="{at}"/>
+            <axis xyz="0 0 1"/><limit lower="-3.1" upper="3.1" velocity="1" effort="1"/></joint>"#
+        )
+    };
+    format!(
+        r#"<robot name="plates"><link name="base"/>{}<link name="arm"/>{}{}{}{}</robot>"#,
+        plate("lower", "0 0 0"),
+        plate("upper", &format!("0.4 0 {}", 0.02 + gap)),
+        joint("first", "base", "lower", "0 0 0"),
+        joint("second", "lower", "arm", "0 0 0"),
+        joint("third", "arm", "upper", "0.4 0 0"),
+    )
+}
+
+#[test]
+fn links_that_touch_as_spheres_alone_are_no_obstacle_to_each_other() {
+    let folder = Folder::new();
+    let told = |gap: f64, options: &[&str]| {
+        let arm = folder.write("plates.urdf", swinging_plates(gap));
+        json(&[&["robots", "--describe", &arm, "--overshoot", "20"], options].concat())["pairs"]
+            .clone()
+    };
+    let written = folder.at("plates.srdf");
+    let near = told(0.01, &["--write-srdf", &written]);
+    let pair = &near["touching"][0];
+    assert_eq!(pair["links"], value!(["lower", "upper"]), "{near}");
+    assert_eq!((&pair["never"], &pair["at_rest"]), (&value!(true), &value!(false)));
+    let share = pair["share"].as_f64().unwrap();
+    assert!(share > 0.05 && share < 0.9, "{share}");
+    let srdf = std::fs::read_to_string(&written).unwrap();
+    assert!(srdf.contains(r#"link1="lower" link2="upper" reason="Never""#), "{srdf}");
+    // The plates themselves meet.
+    assert_eq!(told(-0.01, &[])["touching"], value!([]));
+    assert_eq!(told(0.01, &["--test-all-pairs"])["touching"], value!([]));
+}
+
+#[test]
+fn spheres_reach_no_further_beyond_a_link_than_is_asked_for() {
+    let folder = Folder::new();
+    let arm =
+        folder.write("plates.urdf", swinging_plates(0.01).replace("0.3 0.3 0.02", "0.2 0.1 0.02"));
+    let spheres = |options: &[&str]| {
+        let told = json(&[&["robots", "--describe", &arm], options].concat());
+        let link = &told["links"][0];
+        (link["spheres"].as_u64().unwrap(), link["overshoot"].as_f64().unwrap())
+    };
+    let (n, overshoot) = spheres(&[]);
+    let (n_wide, overshoot_wide) = spheres(&["--overshoot", "40"]);
+    assert!(overshoot <= 0.01001 && overshoot_wide <= 0.04001, "{overshoot} {overshoot_wide}");
+    assert!(n_wide < n && n <= 256, "{n} {n_wide}");
+    let wrong = refusal(&["robots", "--describe", &arm, "--overshoot", "0"], 2);
+    assert!(wrong.contains("expected a number from 1 to 1000"), "{wrong}");
+    let wrong = refusal(&["fk", "--overshoot", "5", "--configs", &arm], 2);
+    assert!(wrong.contains("--overshoot: only for a URDF file"), "{wrong}");
+}

@@ -80,6 +80,7 @@ impl BuiltIn {
             capsules: self.capsules[frame].to_vec(),
             overshoot: MAX_OVERSHOOT,
             solids: Vec::new(),
+            is_exact: false,
         }
     }
 }

@@ -3,7 +3,8 @@
 //! A ball is itself, a capsule is a row of spheres. Boxes, cylinders and meshes go through a grid
 //! (`fit/grid.rs`): balls that fit inside the solid, found on the grid, are enlarged by one and the
 //! same tolerance; a few of them are chosen that cover the surface, and each is then made as small
-//! as it may be. The tolerance grows until [`MAX_SPHERES`] are enough.
+//! as it may be. The tolerance grows until [`FEW_SPHERES`] are enough; where that is more than was
+//! asked for, up to [`MAX_SPHERES`] are chosen on a finer grid.
 //!
 //! Covered, without exception, are every point of the surface (of a mesh: of its triangles),
 //! and every cell of the grid that the surface encloses. A mesh need not be closed, convex or
@@ -25,15 +26,23 @@ use super::solid::Solid;
 use ball::Ball;
 use choice::choose;
 use glamx::{DVec3, Vec3};
-use grid::Grid;
+use grid::{Fineness, Grid};
 use surface::{cuboid, cylinder};
 
 /// Most spheres for one solid.
-pub const MAX_SPHERES: usize = 32;
-/// Overshoot that is good enough, metres; where it takes too many spheres, more is allowed.
-const TARGET_OVERSHOOT: f64 = 0.01;
-/// By which the allowed overshoot grows while there are too many spheres.
-const GROWTH: f64 = 1.08;
+pub const MAX_SPHERES: usize = 256;
+/// Furthest that spheres reach beyond a link from a file, metres, where nothing else is asked for
+/// and [`MAX_SPHERES`] are enough.
+pub(crate) const OVERSHOOT: f64 = 0.01;
+/// Spheres that are few enough for any solid.
+const FEW_SPHERES: usize = 32;
+/// By which the tolerance grows while there are too many of few spheres, and of many.
+const GROWTH: [f64; 2] = [1.08, 1.3];
+/// Number of times that the tolerance of a few spheres is that of the most, at most.
+const GAIN: f64 = 12.0;
+const COARSE: Fineness = Fineness { n_cells: 6000.0, max_per_side: 64.0, enough: 0.0 };
+/// Its cells are [`Fineness::enough`] where they are this share of the tolerance.
+const FINE: Fineness = Fineness { n_cells: 25_000.0, max_per_side: 96.0, enough: 0.5 };
 /// Room for the rounding of centres and radii to f32, as a share of their size; twenty units in the
 /// last place.
 const ROUNDING: f64 = 2e-6;
@@ -46,28 +55,40 @@ pub(crate) struct Cover {
     pub(crate) overshoot: f32,
 }
 
-/// The spheres of a solid; the message of a mesh that is too large to sample is the only failure.
-pub(crate) fn cover(solid: &Solid) -> Result<Cover, String> {
+/// The spheres of a solid that reach no further than `overshoot` beyond it, metres, where that can
+/// be had; the message of a mesh that is too large to sample is the only failure.
+pub(crate) fn cover(solid: &Solid, overshoot: f64) -> Result<Cover, String> {
+    cover_by(solid, overshoot, MAX_SPHERES)
+}
+
+/// The same with a few spheres, however far they reach: of what is carried, or tested otherwise.
+pub(crate) fn cover_by_few(solid: &Solid) -> Result<Cover, String> {
+    cover_by(solid, OVERSHOOT, FEW_SPHERES)
+}
+
+fn cover_by(solid: &Solid, overshoot: f64, most: usize) -> Result<Cover, String> {
     match solid {
         Solid::Ball { radius } => Ok(Cover {
             spheres: vec![Sphere { center: Vec3::ZERO, radius: *radius as f32 }],
             overshoot: 0.0,
         }),
-        Solid::Capsule { radius, half_length } => Ok(row(*radius, *half_length)),
-        Solid::Cuboid { half_extents } => cover_surface(&cuboid(*half_extents), 0.0),
+        Solid::Capsule { radius, half_length } => Ok(row(*radius, *half_length, overshoot, most)),
+        Solid::Cuboid { half_extents } => {
+            cover_surface(&cuboid(*half_extents), 0.0, overshoot, most)
+        }
         Solid::Cylinder { radius, half_length } => {
             let (triangles, gap) = cylinder(*radius, *half_length);
-            cover_surface(&triangles, gap)
+            cover_surface(&triangles, gap, overshoot, most)
         }
-        Solid::Mesh { triangles } => cover_surface(triangles, 0.0),
+        Solid::Mesh { triangles } => cover_surface(triangles, 0.0, overshoot, most),
     }
 }
 
 /// Equally spaced spheres on the axis, as large as the lens between neighbours needs.
-fn row(radius: f64, half_length: f64) -> Cover {
-    let largest = radius + TARGET_OVERSHOOT;
+fn row(radius: f64, half_length: f64, overshoot: f64, most: usize) -> Cover {
+    let largest = radius + overshoot;
     let spacing = 2.0 * libm::sqrt(largest * largest - radius * radius);
-    let n_intervals = libm::ceil(2.0 * half_length / spacing).clamp(1.0, (MAX_SPHERES - 1) as f64);
+    let n_intervals = libm::ceil(2.0 * half_length / spacing).clamp(1.0, (most - 1) as f64);
     let half_spacing = half_length / n_intervals;
     let needed = libm::sqrt(radius * radius + half_spacing * half_spacing);
     let center = |i: usize| DVec3::new(0.0, 0.0, half_spacing * (2.0 * i as f64 - n_intervals));
@@ -81,15 +102,37 @@ fn row(radius: f64, half_length: f64) -> Cover {
 
 /// Every point of the surface is within `gap` of a triangle, and the triangles are within the
 /// solid.
-fn cover_surface(triangles: &[Triangle], gap: f64) -> Result<Cover, String> {
-    let grid = Grid::new(triangles, gap)?;
-    let mut tolerance = grid.least_tolerance().max(TARGET_OVERSHOOT);
-    loop {
-        if let Some(balls) = choose(&grid, tolerance, MAX_SPHERES) {
+fn cover_surface(
+    triangles: &[Triangle],
+    gap: f64,
+    overshoot: f64,
+    most: usize,
+) -> Result<Cover, String> {
+    let grid = Grid::new(triangles, gap, COARSE)?;
+    let [growth, fast_growth] = GROWTH;
+    let mut tolerance = grid.least_tolerance().max(overshoot);
+    let few = loop {
+        if let Some(balls) = choose(&grid, tolerance, FEW_SPHERES) {
+            break rounded(&balls);
+        }
+        tolerance *= growth;
+    };
+    if tolerance <= overshoot || most <= FEW_SPHERES {
+        return Ok(few);
+    }
+    let fineness = Fineness { enough: FINE.enough * overshoot, ..FINE };
+    // Of a mesh that is too large to sample so finely the few remain.
+    let Ok(grid) = Grid::new(triangles, gap, fineness) else {
+        return Ok(few);
+    };
+    let mut finer = grid.least_tolerance().max(overshoot).max(tolerance / GAIN);
+    while finer < tolerance {
+        if let Some(balls) = choose(&grid, finer, most) {
             return Ok(rounded(&balls));
         }
-        tolerance *= GROWTH;
+        finer *= fast_growth;
     }
+    Ok(few)
 }
 
 /// The balls in f32, no smaller than before.

@@ -22,9 +22,11 @@ pub struct Link {
     /// Furthest that a sphere reaches beyond the geometry it was fitted to, metres; 0 where the
     /// geometry is spheres.
     pub overshoot: f32,
-    /// The geometry itself where checks use it instead of the spheres: of a link that does not move
-    /// and all of whose parts are convex.
+    /// The geometry itself; of a built-in arm none.
     pub solids: Vec<PlacedSolid>,
+    /// True where checks use the solids instead of the spheres: of a link that does not move and
+    /// all of whose parts are convex.
+    pub is_exact: bool,
 }
 
 /// A sphere fixed to a frame of the robot.

@@ -37,7 +37,7 @@ pub enum Solid {
     },
 }
 
-/// A convex solid in the frame of a link's body.
+/// A solid in the frame of a link's body.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlacedSolid {
     /// Pose of the solid.

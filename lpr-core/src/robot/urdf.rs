@@ -43,6 +43,10 @@ pub struct UrdfOptions<'a> {
     pub without_geometry: bool,
     /// Leaves out the meshes that cannot be read, with a warning, instead of refusing.
     pub ignore_missing_meshes: bool,
+    /// Furthest that spheres reach beyond their link, metres, where at most
+    /// [`MAX_SPHERES`](super::MAX_SPHERES) for a solid are enough; 0.01 if none. More of it plans
+    /// faster, and less leaves more room.
+    pub overshoot: Option<f32>,
 }
 
 /// An arm from a description, and what else stands there.
@@ -119,7 +123,7 @@ impl Robot {
     /// - The tip is `tip`, or that of the SRDF's `group`, or that of its group with the most joints
     ///   that is a chain, or the one leaf with the most driven joints above it (which may be a
     ///   finger: name the tip of an arm with a gripper). The base is that group's, or the root of
-    ///   the URDF.
+    ///   the URDF; the world is the frame of the root.
     /// - A continuous joint has no limits, and 1 rad/s if it states no velocity. Joints that
     ///   are not between base and tip stay at 0, moved into their limits, whatever else is said of
     ///   them. A joint that mimics another moves with it: where that one is no joint of the arm, it
@@ -176,7 +180,7 @@ impl Robot {
         let base = group.as_ref().map_or(tree.root, |group| group.base);
         let path = tree.path(&description, base, tip)?;
         let drives = drives(&description, &tree, &path, tip)?;
-        let placed = Placed::new(&description, &tree, base, &path, &drives);
+        let placed = Placed::new(&description, &tree, &path, &drives);
         let mut warnings = warnings_of(&description, &path);
         let links = links::links(&description, &placed.places, options, meshes, &mut warnings)?;
         let mut robot = Self {
@@ -309,16 +313,15 @@ struct Placed {
 }
 
 impl Placed {
-    /// From the root downwards; the base's frame is that of body 0 wherever it is in the tree.
+    /// From the root downwards, whose frame is that of body 0: wherever in the tree the arm's base is,
+    /// obstacles and poses are in the frame of the whole robot, as in other programs.
     fn new(
         description: &Description,
         tree: &Tree,
-        base: usize,
         path: &[usize],
         drives: &[(usize, Drive)],
     ) -> Self {
-        let base_from_root = root_from(description, tree, base).inverse();
-        let root = Place { body: 0, body_from_link: base_from_root };
+        let root = Place { body: 0, body_from_link: DPose3::IDENTITY };
         let mut placed = Self {
             places: vec![root; tree.order.len()],
             joints: Vec::new(),
@@ -327,10 +330,6 @@ impl Placed {
         for &link in &tree.order {
             if let Some(idx) = tree.joint_above[link] {
                 placed.places[link] = placed.carry(description, idx, path, drives);
-            }
-            if link == base {
-                // Exactly, however far it is from the root.
-                placed.places[link].body_from_link = DPose3::IDENTITY;
             }
         }
         placed
@@ -391,16 +390,6 @@ impl Placed {
             }
         }
     }
-}
-
-/// `root_from_link` with all joints at rest.
-fn root_from(description: &Description, tree: &Tree, mut link: usize) -> DPose3 {
-    let mut root_from_link = DPose3::IDENTITY;
-    while let Some(joint) = tree.joint_above[link].map(|idx| &description.joints[idx]) {
-        root_from_link = at_rest(description, joint) * root_from_link;
-        link = joint.parent;
-    }
-    root_from_link
 }
 
 /// `parent_from_child` at position 0, moved into the limits; of a joint that follows another, where

@@ -176,12 +176,12 @@ impl ArmSpheres {
         Ok(arm)
     }
 
-    /// Tests the links of the base that have solids by these, and no longer by their spheres.
+    /// Tests the exact links of the base by their solids, and no longer by their spheres.
     fn fix<'a>(&mut self, links: impl Iterator<Item = &'a Link>) {
         let mut allowed = Vec::new();
         let mut solids = Vec::new();
         for (idx, link) in links.enumerate().filter(|(_, link)| link.body == 0) {
-            if link.solids.is_empty() {
+            if !link.is_exact {
                 continue;
             }
             // All links that are known here but those of its pairs may touch it.

@@ -4,7 +4,7 @@
 use crate::lanes::Vec3s;
 use crate::robot::{JointMotion, Move, Robot};
 use fearless_simd::Simd;
-use glamx::{DVec3, Mat3, Vec3};
+use glamx::{DVec3, Mat3, Pose3, Quat, Vec3};
 
 /// Lanes of the widest vectors.
 pub(super) const MAX_WIDTH: usize = 16;
@@ -98,6 +98,12 @@ impl Frame {
 
     pub(super) const fn origin(&self) -> Vec3 {
         self.origin
+    }
+
+    /// The frame as a pose.
+    pub(super) fn pose(&self) -> Pose3 {
+        let [x, y, z] = self.axes;
+        Pose3::from_parts(self.origin, Quat::from_mat3(&Mat3::from_cols(x, y, z)).normalize())
     }
 
     /// A point of this frame in the world.

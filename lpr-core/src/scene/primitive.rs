@@ -2,7 +2,7 @@
 
 use super::shape::Shape;
 use crate::error::{Error, Result};
-use crate::robot::{PlacedSolid, Solid, Sphere, cover};
+use crate::robot::{PlacedSolid, Solid, Sphere, cover_by_few};
 use glamx::{Pose3, Quat, Vec3};
 
 /// A solid obstacle in the world frame. Lengths in metres.
@@ -193,7 +193,7 @@ impl Primitive {
                 return Err(Error::Environment("a hull: it cannot be covered".to_owned()));
             }
         };
-        let spheres = cover(&solid).map_err(Error::Environment)?.spheres;
+        let spheres = cover_by_few(&solid).map_err(Error::Environment)?.spheres;
         let placed = |ball: Sphere| Sphere { center: pose * ball.center, radius: ball.radius };
         Ok(spheres.into_iter().map(placed).collect())
     }

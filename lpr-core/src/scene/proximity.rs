@@ -13,7 +13,7 @@ use super::link_spheres::{ArmPart, LinkSpheres};
 use super::primitive::{Primitive, length};
 use super::signed_distance::SignedDistance;
 use crate::robot::{JointConfig, JointMotion, Sphere};
-use glamx::Vec3;
+use glamx::{Pose3, Vec3};
 
 /// Distance from a link to an obstacle, or to another link, with its gradient.
 ///
@@ -128,6 +128,12 @@ impl Scene {
 impl<'a> Placed<'a> {
     pub(super) fn new(arm: &'a ArmSpheres, config: &JointConfig) -> Self {
         Self { arm, frames: arm.frames(config) }
+    }
+
+    /// A link by its index among those of the robot, and its body's frame in the world.
+    pub(super) fn body(&self, link: usize) -> (usize, Pose3) {
+        let link = &self.arm.links[link];
+        (link.index(), self.frames[link.body].pose())
     }
 
     /// True if two links touch, the first by its solids where these are tested.

@@ -86,6 +86,7 @@ fn gantry(radius: f32) -> ArmSpheres {
         capsules: Vec::new(),
         overshoot: 0.0,
         solids: Vec::new(),
+        is_exact: false,
     };
     let chain = Robot {
         name: "gantry".to_owned(),

@@ -12,6 +12,10 @@ use std::path::{Path, PathBuf};
 /// Angle of a joint without end up to which f32 is exact to a hundred-thousandth, radians.
 const MAX_WOUND: f64 = 100.0;
 
+/// A position beyond a limit by no more than this is at the limit, radians or metres: files round π,
+/// and limits, in their own ways.
+const ROUNDING: f32 = 1e-4;
+
 /// Most bytes of a description or mesh.
 const MAX_BYTES: u64 = 256 << 20;
 
@@ -48,6 +52,10 @@ pub(super) struct FileArguments {
     /// Leaves out the meshes of a URDF file that cannot be read
     #[arg(long)]
     ignore_missing_meshes: bool,
+    /// Furthest that the spheres of a URDF file's links reach beyond them [default: 10]; a plan takes
+    /// the less time the more it is
+    #[arg(long, value_name = "MM", value_parser = parse_overshoot)]
+    overshoot: Option<f32>,
     /// Tests pairs of links of a URDF file, too, that touch at rest or nearly always
     #[arg(long)]
     test_all_pairs: bool,
@@ -67,6 +75,11 @@ fn parse_package(text: &str) -> Result<Package, String> {
         }
         _ => Err("expected NAME=DIR".to_owned()),
     }
+}
+
+fn parse_overshoot(text: &str) -> Result<f32, String> {
+    let value = text.parse::<f32>().ok().filter(|value| (1.0..=1000.0).contains(value));
+    value.ok_or_else(|| "expected a number from 1 to 1000".to_owned())
 }
 
 /// The parts of a description that a command needs.
@@ -138,6 +151,7 @@ impl FileArguments {
             ("--package", !self.packages.is_empty()),
             ("--limit-continuous", self.limit_continuous),
             ("--ignore-missing-meshes", self.ignore_missing_meshes),
+            ("--overshoot", self.overshoot.is_some()),
             ("--test-all-pairs", self.test_all_pairs),
         ];
         given.iter().find(|(_, given)| *given).map(|(option, _)| *option)
@@ -156,6 +170,7 @@ impl FileArguments {
             limit_continuous: self.limit_continuous,
             without_geometry: needs == Needs::Kinematics,
             ignore_missing_meshes: self.ignore_missing_meshes,
+            overshoot: self.overshoot.map(|millimetres| 1e-3 * millimetres),
         };
         let found = Robot::describe(&urdf, &options, &meshes);
         let mut described = found.map_err(|error| {
@@ -241,6 +256,18 @@ impl Arm {
                 format!("{field}[{joint}]: is not a finite number"),
             )
             .into());
+        }
+        Ok(config)
+    }
+
+    /// The same as an end of a path: what is beyond a limit by rounding is at the limit.
+    pub(super) fn end(&self, values: &[f64], path: &Path, field: &str) -> Result<JointConfig> {
+        let mut config = self.config(values, path, field)?;
+        for (q, joint) in config.iter_mut().zip(&self.robot.joints) {
+            let within = q.clamp(joint.lower, joint.upper);
+            if (*q - within).abs() <= ROUNDING {
+                *q = within;
+            }
         }
         Ok(config)
     }

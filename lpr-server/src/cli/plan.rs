@@ -165,10 +165,10 @@ impl Query {
         idx: usize,
     ) -> Result<Self> {
         let path = &arguments.problems;
-        let start = arm.config(&problem.start, path, &format!("problems[{idx}].start"))?;
+        let start = arm.end(&problem.start, path, &format!("problems[{idx}].start"))?;
         let goals = problem.goals.iter().enumerate();
         let goals =
-            goals.map(|(i, goal)| arm.config(goal, path, &format!("problems[{idx}].goals[{i}]")));
+            goals.map(|(i, goal)| arm.end(goal, path, &format!("problems[{idx}].goals[{i}]")));
         let goals = goals.collect::<Result<Vec<JointConfig>>>()?;
         let (scene, world_micros) = least_micros(arguments.repeats, || problem.scene(path, idx));
         let spheres = problem.attach(spheres, path, idx)?;

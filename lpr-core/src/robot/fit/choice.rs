@@ -4,7 +4,10 @@ use super::ball::{Ball, Spot};
 use super::grid::Grid;
 
 /// Spots on which candidates are compared.
-const N_COMPARED: usize = 1024;
+const N_COMPARED: usize = 512;
+
+/// Candidates that are compared for a spot, about.
+const N_CANDIDATES: usize = 256;
 
 /// At most `n` balls, enlarged by no more than `tolerance`, that cover the grid's spots.
 ///
@@ -17,13 +20,16 @@ pub(super) fn choose(grid: &Grid, tolerance: f64, n: usize) -> Option<Vec<Ball>>
     let mut uncovered = spots.to_vec();
     let mut chosen = Vec::new();
     while let Some(spot) = uncovered.first() {
-        // As many again: some become superfluous.
-        if chosen.len() >= 2 * n {
+        // Half as many again: some become superfluous.
+        if 2 * chosen.len() >= 3 * n {
             return None;
         }
         let own = enlarged(grid.ball_at(spot.center));
-        let covering = candidates.iter().chain([&own]).filter(|ball| ball.covers(spot));
-        let best = *covering.max_by_key(|ball| n_covered(ball, &uncovered))?;
+        let covering: Vec<&Ball> =
+            candidates.iter().chain([&own]).filter(|ball| ball.covers(spot)).collect();
+        // Its own ball comes last: the steps begin there.
+        let compared = covering.iter().rev().step_by(covering.len() / N_CANDIDATES + 1);
+        let best = **compared.max_by_key(|ball| n_covered(ball, &uncovered))?;
         chosen.push(best);
         uncovered.retain(|spot| !best.covers(spot));
     }
@@ -56,9 +62,10 @@ fn drop_superfluous(balls: &mut Vec<Ball>, spots: &[Spot]) {
 fn tighten(balls: &mut [Ball], spots: &[Spot]) {
     let mut needed = vec![0.0_f64; balls.len()];
     for spot in spots {
-        let room = |i: &usize| balls[*i].room_around(spot);
-        if let Some(i) = (0..balls.len()).max_by(|a, b| room(a).total_cmp(&room(b))) {
-            needed[i] = needed[i].max(balls[i].radius - balls[i].room_around(spot));
+        let covering = balls.iter().enumerate().filter(|(_, ball)| ball.covers(spot));
+        let rooms = covering.map(|(i, ball)| (i, ball.room_around(spot)));
+        if let Some((i, room)) = rooms.max_by(|(_, a), (_, b)| a.total_cmp(b)) {
+            needed[i] = needed[i].max(balls[i].radius - room);
         }
     }
     balls.iter_mut().zip(needed).for_each(|(ball, radius)| ball.radius = radius);

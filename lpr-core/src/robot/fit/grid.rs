@@ -8,10 +8,17 @@ use super::Triangle;
 use super::ball::{Ball, Spot};
 use glamx::DVec3;
 
-/// Cells of the box around the surface, about.
-const N_CELLS: f64 = 6000.0;
-/// Most cells along the longest side of that box.
-const MAX_PER_SIDE: f64 = 64.0;
+/// How finely a grid divides the box around a surface.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Fineness {
+    /// Cells, about.
+    pub(super) n_cells: f64,
+    /// Most cells along the longest side.
+    pub(super) max_per_side: f64,
+    /// Side of a cell that is fine enough, metres.
+    pub(super) enough: f64,
+}
+
 /// Least side of a cell, metres.
 const MIN_CELL: f64 = 1e-4;
 /// Fine cells along the side of a cell.
@@ -53,8 +60,12 @@ struct Axes {
 
 impl Grid {
     /// The grid of a surface whose points are all within `gap` of a triangle, metres.
-    pub(super) fn new(triangles: &[Triangle], gap: f64) -> Result<Self, String> {
-        let axes = Axes::around(triangles);
+    pub(super) fn new(
+        triangles: &[Triangle],
+        gap: f64,
+        fineness: Fineness,
+    ) -> Result<Self, String> {
+        let axes = Axes::around(triangles, fineness);
         let fine = axes.fine_cells_of(triangles)?;
         let samples: Vec<DVec3> = fine.iter().map(|&(_, idx)| axes.fine_center(idx)).collect();
         let sample_reach = axes.cell * (SAMPLE_REACH * SPACING + HALF_DIAGONAL / FINE as f64) + gap;
@@ -196,14 +207,15 @@ impl Rows {
 impl Axes {
     /// Cells around the corners, an odd number of them along each axis: the middle of a symmetric
     /// solid is that of a cell.
-    fn around(triangles: &[Triangle]) -> Self {
+    fn around(triangles: &[Triangle], fineness: Fineness) -> Self {
         let corners = || triangles.iter().flatten().copied();
         let (low, high) =
             (corners().fold(DVec3::MAX, DVec3::min), corners().fold(DVec3::MIN, DVec3::max));
         let sides = high - low;
-        let least = (sides.max_element() / MAX_PER_SIDE).max(MIN_CELL);
+        let Fineness { n_cells, max_per_side, enough } = fineness;
+        let least = (sides.max_element() / max_per_side).max(MIN_CELL);
         let filled = sides.max(DVec3::splat(least));
-        let cell = libm::cbrt(filled.x * filled.y * filled.z / N_CELLS).max(least);
+        let cell = libm::cbrt(filled.x * filled.y * filled.z / n_cells).max(least).max(enough);
         let half_n =
             (0.5 * sides / cell - 0.5).to_array().map(|n| libm::ceil(n).max(0.0) + PADDING);
         let low = 0.5 * (low + high) - cell * (DVec3::from_array(half_n) + 0.5);

@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::robot::fit;
 use crate::robot::link::{Link, moved};
 use crate::robot::mesh::MeshReader;
-use crate::robot::solid::PlacedSolid;
+use crate::robot::solid::{PlacedSolid, Solid};
 use crate::robot::xml::quoted;
 use glamx::DPose3;
 
@@ -29,6 +29,7 @@ pub(super) fn links(
             "link {name}: {n_solid} links have collision geometry, at most {MAX_SOLID_LINKS} may"
         )));
     }
+    let overshoot = options.overshoot.map_or(fit::OVERSHOOT, f64::from);
     let mut links = Vec::with_capacity(places.len());
     for (link, place) in description.links.iter().zip(places) {
         let mut found = Link {
@@ -40,6 +41,7 @@ pub(super) fn links(
             capsules: Vec::new(),
             overshoot: 0.0,
             solids: Vec::new(),
+            is_exact: false,
         };
         let named = |message| format!("link {}, {message}", quoted(&link.name));
         for Collision { link_from_solid, shape } in &link.collisions {
@@ -50,25 +52,37 @@ pub(super) fn links(
                 Shape::Solid(solid) => Ok(solid.clone()),
                 Shape::Mesh(mesh) => mesh.read(meshes),
             };
-            let (solid, cover) = match read.and_then(|it| Ok((fit::cover(&it)?, it))) {
-                Ok((cover, solid)) => (solid, cover),
+            let body_from_solid = place.body_from_link * *link_from_solid;
+            match read {
+                Ok(solid) => found.solids.push(PlacedSolid { body_from_solid, solid }),
                 Err(reason) if options.ignore_missing_meshes => {
                     warnings.push(named(format!("{reason}: it is left out")));
-                    continue;
                 }
                 Err(reason) => return Err(Error::Robot(named(reason))),
-            };
-            let body_from_solid = place.body_from_link * *link_from_solid;
-            found.spheres.extend(moved(&cover.spheres, &body_from_solid));
-            found.overshoot = found.overshoot.max(cover.overshoot);
-            found.solids.push(PlacedSolid { body_from_solid, solid });
+            }
         }
         // Spheres serve what moves, and what they are exact for.
-        let is_exact = place.body == 0
-            && found.overshoot > 0.0
-            && found.solids.iter().all(|placed| placed.solid.is_convex());
-        if !is_exact {
-            found.solids = Vec::new();
+        found.is_exact = place.body == 0
+            && found.solids.iter().all(|placed| placed.solid.is_convex())
+            && found.solids.iter().any(|placed| !matches!(placed.solid, Solid::Ball { .. }));
+        let solids = core::mem::take(&mut found.solids);
+        for placed in solids {
+            let cover = if found.is_exact {
+                fit::cover_by_few(&placed.solid)
+            } else {
+                fit::cover(&placed.solid, overshoot)
+            };
+            match cover {
+                Ok(cover) => {
+                    found.spheres.extend(moved(&cover.spheres, &placed.body_from_solid));
+                    found.overshoot = found.overshoot.max(cover.overshoot);
+                    found.solids.push(placed);
+                }
+                Err(reason) if options.ignore_missing_meshes => {
+                    warnings.push(named(format!("{reason}: it is left out")));
+                }
+                Err(reason) => return Err(Error::Robot(named(reason))),
+            }
         }
         links.push(found);
     }

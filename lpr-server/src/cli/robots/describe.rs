@@ -78,7 +78,7 @@ struct LinkRow {
 struct Pairs {
     tested: usize,
     allowed: usize,
-    /// Of the allowed ones, those that touch at rest or nearly always.
+    /// Of the allowed ones, those that touch at rest or nearly always, or never but as spheres.
     touching: Vec<TouchingRow>,
 }
 
@@ -87,11 +87,13 @@ struct TouchingRow {
     links: [String; 2],
     share: f32,
     at_rest: bool,
+    /// Touching as spheres alone.
+    never: bool,
 }
 
 #[derive(Debug, Serialize)]
 struct Reach {
-    /// Furthest that the tip was from the base, metres.
+    /// Furthest that the tip was from the root, metres.
     radius: f32,
     /// Share of the ball of that radius that the tip gets into, by cubes of a tenth of it.
     share: f32,
@@ -139,7 +141,7 @@ pub(super) fn describe(arm: &FileArm) -> Result<Description> {
                 name: link.name.clone(),
                 spheres: link.spheres.len(),
                 overshoot: link.overshoot,
-                exact: !link.solids.is_empty(),
+                exact: link.is_exact,
             })
             .collect(),
         pairs: Pairs {
@@ -158,6 +160,7 @@ fn touching(robot: &Robot, overlap: &Overlap) -> TouchingRow {
         links: [name(overlap.pair.0), name(overlap.pair.1)],
         share: overlap.share,
         at_rest: overlap.at_rest,
+        never: overlap.never,
     }
 }
 
@@ -204,12 +207,13 @@ impl fmt::Display for Description {
             writeln!(f, "{name:<32}{spheres:>8}{overshoot:>14}")?;
         }
         writeln!(f, "\n{} pairs of links are tested, {} are not", pairs.tested, pairs.allowed)?;
-        for TouchingRow { links: [a, b], share, at_rest } in &pairs.touching {
+        for TouchingRow { links: [a, b], share, at_rest, never } in &pairs.touching {
             let rest = if *at_rest { "at rest, and " } else { "" };
+            let spheres = if *never { ", but only as spheres" } else { "" };
+            let percent = 100.0 * share;
             writeln!(
                 f,
-                "  {a} and {b}: they touch {rest}in {:.1} % of configurations",
-                100.0 * share
+                "  {a} and {b}: they touch {rest}in {percent:.1} % of configurations{spheres}"
             )?;
         }
         writeln!(

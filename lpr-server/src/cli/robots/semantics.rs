@@ -28,6 +28,7 @@ fn text(FileArm { described, overlaps }: &FileArm) -> String {
         let is_adjacent = robot.links[a].body.abs_diff(robot.links[b].body) <= 1;
         let reason = match found {
             Some(overlap) if overlap.at_rest => "Default",
+            Some(overlap) if overlap.never => "Never",
             Some(_) => "Always",
             None if is_adjacent => "Adjacent",
             // As the SRDF says that was given.
