@@ -3,7 +3,7 @@
 # without it.
 ALL := --locked --workspace --features lpr-core/ndarray
 
-.PHONY: check setup fmt lint deny doc book docs-long page planner gallery test test-doc package tools faults bench-wasm
+.PHONY: check setup fmt lint deny doc book docs-long page planner gallery test test-doc package tools faults robots bench-wasm
 
 check: setup fmt lint deny doc book page planner test test-doc package
 
@@ -46,6 +46,13 @@ faults:
 # What tests run beside the binary: Python with the vendor's SDK of the xArm.
 tools:
 	tests/python.sh
+
+# Arms as their makers describe them: kinematics beside Pinocchio, plans checked on meshes by coal; an hour.
+robots:
+	tests/python.sh peers
+	cargo build --release --locked
+	tests/peers/.venv/bin/python tests/peers/robot_files.py target/release/lpr
+	tests/peers/.venv/bin/python tests/peers/arms_on_meshes.py target/release/lpr
 
 test-doc:
 	cargo test $(ALL) --doc

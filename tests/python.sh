@@ -1,7 +1,9 @@
 #!/usr/bin/env bash
-# Makes tests/.venv with what tests/requirements.txt asks for, unless it is there already. It appears whole or not at all.
+# Makes .venv with what requirements.txt asks for, in tests or in a folder of it, unless it is there already. It appears whole or
+# not at all.
+# Usage: tests/python.sh [FOLDER].
 set -euo pipefail
-cd "$(dirname "$0")"
+cd "$(dirname "$0")/${1:-}"
 
 if cmp -s requirements.txt .venv/requirements.txt; then
     exit 0

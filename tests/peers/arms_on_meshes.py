@@ -1,7 +1,7 @@
 """Plans of 16 arms as their makers describe them, checked on their meshes.
 
-    pip install example-robot-data==6.0.0 pin==4.1.0
-    python tests/peers/arms_on_meshes.py LPR [WORD...]
+    make robots
+    tests/peers/.venv/bin/python tests/peers/arms_on_meshes.py LPR [NAME...]
 
 Every arm is loaded without an SRDF; what it needs to be told (tip) is in ARMS. Five boxes stand around
 it. Of configurations that are free on the meshes by coal, pairs become problems; the first 20 whose

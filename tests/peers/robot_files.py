@@ -1,7 +1,7 @@
 """Forward kinematics of every robot of the package example-robot-data against Pinocchio.
 
-    pip install example-robot-data==6.0.0 pin==4.1.0
-    python tests/peers/robot_files.py LPR
+    make robots
+    tests/peers/.venv/bin/python tests/peers/robot_files.py LPR
 
 Of each URDF the chain with the most joints that have a motor, at most 16, is taken; its tip is named.
 Every joint of it is drawn within its limits, 100 times; all others stand at 0 moved into their limits,
