@@ -17,7 +17,7 @@ const SAMPLES: u32 = 10_000;
 /// Of them, those after which a pair that was apart in more than a third is one that moves apart.
 const FIRST: u32 = 300;
 /// Configurations in which spheres touched and the geometry did not, from which on a pair counts as
-/// one that never meets: would it in one of a hundred of these, it had been seen with a probability
+/// one that never meets. A pair that meets in one of a hundred of them is seen to with a probability
 /// of 95 %.
 const APART: u32 = 300;
 /// Share of the configurations in contact from which on a pair counts as one that always is.
