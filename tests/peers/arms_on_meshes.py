@@ -5,9 +5,10 @@
 
 Every arm is loaded without an SRDF; what it needs to be told (tip) is in ARMS. Five boxes stand around
 it. Of configurations that are free on the meshes by coal, pairs become problems; the first 20 whose
-ends the program finds free, too, and that some planner solves in a minute have to be solved. Each path is looked at at 64 configurations to a
-radian on the meshes, without the pairs of links that the program says it leaves out: nothing may be
-deeper than 2 mm. Depths between meshes are those of the deepest vertex of one in the other.
+ends the program finds free, too, and that some planner solves in a minute have to be solved. Each path
+is looked at 64 times per radian on the meshes, without the pairs of links that the program says it
+leaves out: nothing may be deeper than 2 mm. The depth in a mesh is that in its convex hull, of the
+deepest vertex of the other.
 """
 
 import json

@@ -36,13 +36,15 @@ pub const MAX_SPHERES: usize = 256;
 pub(crate) const OVERSHOOT: f64 = 0.01;
 /// Spheres that are few enough for any solid.
 const FEW_SPHERES: usize = 32;
-/// By which the tolerance grows while there are too many of few spheres, and of many.
-const GROWTH: [f64; 2] = [1.08, 1.3];
+/// By which the tolerance grows while there are too many of few spheres.
+const GROWTH: f64 = 1.08;
+/// By which it grows while there are too many of many, which take longer to choose.
+const FAST_GROWTH: f64 = 1.3;
 /// Number of times that the tolerance of a few spheres is that of the most, at most.
 const GAIN: f64 = 12.0;
 const COARSE: Fineness = Fineness { n_cells: 6000.0, max_per_side: 64.0, enough: 0.0 };
-/// Its cells are [`Fineness::enough`] where they are this share of the tolerance.
-const FINE: Fineness = Fineness { n_cells: 25_000.0, max_per_side: 96.0, enough: 0.5 };
+/// Share of the overshoot asked for at which a cell is fine enough.
+const FINE_ENOUGH: f64 = 0.5;
 /// Room for the rounding of centres and radii to f32, as a share of their size; twenty units in the
 /// last place.
 const ROUNDING: f64 = 2e-6;
@@ -109,18 +111,18 @@ fn cover_surface(
     most: usize,
 ) -> Result<Cover, String> {
     let grid = Grid::new(triangles, gap, COARSE)?;
-    let [growth, fast_growth] = GROWTH;
     let mut tolerance = grid.least_tolerance().max(overshoot);
     let few = loop {
         if let Some(balls) = choose(&grid, tolerance, FEW_SPHERES) {
             break rounded(&balls);
         }
-        tolerance *= growth;
+        tolerance *= GROWTH;
     };
     if tolerance <= overshoot || most <= FEW_SPHERES {
         return Ok(few);
     }
-    let fineness = Fineness { enough: FINE.enough * overshoot, ..FINE };
+    let fineness =
+        Fineness { n_cells: 25_000.0, max_per_side: 96.0, enough: FINE_ENOUGH * overshoot };
     // Of a mesh that is too large to sample so finely the few remain.
     let Ok(grid) = Grid::new(triangles, gap, fineness) else {
         return Ok(few);
@@ -130,7 +132,7 @@ fn cover_surface(
         if let Some(balls) = choose(&grid, finer, most) {
             return Ok(rounded(&balls));
         }
-        finer *= fast_growth;
+        finer *= FAST_GROWTH;
     }
     Ok(few)
 }

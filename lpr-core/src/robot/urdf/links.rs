@@ -43,7 +43,14 @@ pub(super) fn links(
             solids: Vec::new(),
             is_exact: false,
         };
-        let named = |message| format!("link {}, {message}", quoted(&link.name));
+        let mut leave_out = |reason: String| {
+            let message = format!("link {}, {reason}", quoted(&link.name));
+            if !options.ignore_missing_meshes {
+                return Err(Error::Robot(message));
+            }
+            warnings.push(format!("{message}: it is left out"));
+            Ok(())
+        };
         for Collision { link_from_solid, shape } in &link.collisions {
             if options.without_geometry {
                 break;
@@ -55,10 +62,7 @@ pub(super) fn links(
             let body_from_solid = place.body_from_link * *link_from_solid;
             match read {
                 Ok(solid) => found.solids.push(PlacedSolid { body_from_solid, solid }),
-                Err(reason) if options.ignore_missing_meshes => {
-                    warnings.push(named(format!("{reason}: it is left out")));
-                }
-                Err(reason) => return Err(Error::Robot(named(reason))),
+                Err(reason) => leave_out(reason)?,
             }
         }
         // Spheres serve what moves, and what they are exact for.
@@ -78,10 +82,7 @@ pub(super) fn links(
                     found.overshoot = found.overshoot.max(cover.overshoot);
                     found.solids.push(placed);
                 }
-                Err(reason) if options.ignore_missing_meshes => {
-                    warnings.push(named(format!("{reason}: it is left out")));
-                }
-                Err(reason) => return Err(Error::Robot(named(reason))),
+                Err(reason) => leave_out(reason)?,
             }
         }
         links.push(found);
