@@ -34,6 +34,7 @@ pub mod error;
 pub mod evaluate;
 #[cfg(feature = "learn")]
 mod features;
+mod in_order;
 mod lanes;
 #[cfg(feature = "learn")]
 pub mod learner;

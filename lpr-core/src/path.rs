@@ -8,8 +8,6 @@ mod rejection;
 mod source;
 mod timing;
 
-#[cfg(feature = "sim")]
-pub(crate) use candidates::map_in_order;
 pub use candidates::{
     CandidatePath, CandidateSet, CandidateSettings, CandidateStreams, PathQuery, PathSampler,
     RejectedPath, SampledPaths, c2farm_path, candidates, linear_candidate,

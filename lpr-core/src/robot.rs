@@ -22,6 +22,7 @@ mod recognise;
 mod roster;
 mod solid;
 mod srdf;
+mod surface;
 mod urdf;
 mod xarm7;
 mod xml;

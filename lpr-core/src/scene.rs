@@ -6,11 +6,11 @@
 
 mod arm_spheres;
 mod block;
+mod close_pair;
 mod cloud;
 mod contact;
 mod contents;
 mod frames;
-#[cfg(feature = "hulls")]
 mod geometry;
 mod link_spheres;
 mod motion;
@@ -36,7 +36,7 @@ pub use obstacles::{
     CONTACT_DISTANCE, HELD_BOX, Held, ObstacleQuery, POINT_RADIUS, SELF_FILTER_INFLATION, VOXEL,
     observed_obstacles, obstacle_scene,
 };
-pub use overlaps::{Overlap, overlaps};
+pub use overlaps::{Overlap, OverlapKind, overlaps};
 pub use primitive::{Face, Primitive};
 pub use proximity::Proximity;
 pub use shape::{Part, Shape};

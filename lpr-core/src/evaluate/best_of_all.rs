@@ -5,7 +5,7 @@ use super::{EvaluatedEpisode, Evaluation, run_episode};
 use crate::agent::{Action, Agent, Eyes};
 use crate::env::Environment;
 use crate::error::Result;
-use crate::path::map_in_order;
+use crate::in_order::map_in_order;
 
 use core::ops::Range;
 

@@ -16,15 +16,12 @@
 //! - A screw motion of the grip can be asked for besides; no preset does.
 
 mod baseline;
-mod in_order;
 mod query;
 mod sampler;
 mod set;
 mod settings;
 
 pub use baseline::{c2farm_path, linear_candidate};
-#[cfg(feature = "sim")]
-pub(crate) use in_order::map_in_order;
 pub use query::{CandidateStreams, PathQuery};
 pub use sampler::{PathSampler, candidates};
 pub use set::{CandidatePath, CandidateSet, RejectedPath, SampledPaths};

@@ -59,6 +59,7 @@ impl BuiltIn {
             flange_from_grip: self.flange_from_grip,
             links: (0..N_LINKS).map(|frame| self.link(frame)).collect(),
             allowed_self_collisions,
+            close_pairs: Vec::new(),
             start: self.start,
             gripper: Some(self.gripper),
             workspace_center: Some(self.workspace_center),

@@ -18,16 +18,15 @@
 mod ball;
 mod choice;
 mod grid;
-mod surface;
 
 use super::Sphere;
 use super::mesh::Triangle;
 use super::solid::Solid;
+use super::surface::{cuboid, cylinder};
 use ball::Ball;
 use choice::choose;
 use glamx::{DVec3, Vec3};
 use grid::{Fineness, Grid};
-use surface::{cuboid, cylinder};
 
 /// Most spheres for one solid.
 pub const MAX_SPHERES: usize = 256;
@@ -40,8 +39,6 @@ const FEW_SPHERES: usize = 32;
 const GROWTH: f64 = 1.08;
 /// By which it grows while there are too many of many, which take longer to choose.
 const FAST_GROWTH: f64 = 1.3;
-/// Number of times that the tolerance of a few spheres is that of the most, at most.
-const GAIN: f64 = 12.0;
 const COARSE: Fineness = Fineness { n_cells: 6000.0, max_per_side: 64.0, enough: 0.0 };
 /// Share of the overshoot asked for at which a cell is fine enough.
 const FINE_ENOUGH: f64 = 0.5;
@@ -111,30 +108,36 @@ fn cover_surface(
     most: usize,
 ) -> Result<Cover, String> {
     let grid = Grid::new(triangles, gap, COARSE)?;
-    let mut tolerance = grid.least_tolerance().max(overshoot);
-    let few = loop {
-        if let Some(balls) = choose(&grid, tolerance, FEW_SPHERES) {
-            break rounded(&balls);
-        }
-        tolerance *= GROWTH;
-    };
-    if tolerance <= overshoot || most <= FEW_SPHERES {
-        return Ok(few);
+    let least = grid.least_tolerance().max(overshoot);
+    if let Some(balls) = choose(&grid, least, FEW_SPHERES) {
+        return Ok(rounded(&balls));
     }
-    let fineness =
-        Fineness { n_cells: 25_000.0, max_per_side: 96.0, enough: FINE_ENOUGH * overshoot };
-    // Of a mesh that is too large to sample so finely the few remain.
-    let Ok(grid) = Grid::new(triangles, gap, fineness) else {
-        return Ok(few);
-    };
-    let mut finer = grid.least_tolerance().max(overshoot).max(tolerance / GAIN);
-    while finer < tolerance {
-        if let Some(balls) = choose(&grid, finer, most) {
+    if most > FEW_SPHERES
+        && let Some(many) = cover_by_many(triangles, gap, overshoot, most)
+    {
+        return Ok(many);
+    }
+    let mut tolerance = least;
+    loop {
+        tolerance *= GROWTH;
+        if let Some(balls) = choose(&grid, tolerance, FEW_SPHERES) {
             return Ok(rounded(&balls));
         }
-        finer *= FAST_GROWTH;
     }
-    Ok(few)
+}
+
+/// More than a few spheres, of a surface that can be sampled finely.
+fn cover_by_many(triangles: &[Triangle], gap: f64, overshoot: f64, most: usize) -> Option<Cover> {
+    let fineness =
+        Fineness { n_cells: 25_000.0, max_per_side: 96.0, enough: FINE_ENOUGH * overshoot };
+    let grid = Grid::new(triangles, gap, fineness).ok()?;
+    let mut tolerance = grid.least_tolerance().max(overshoot);
+    loop {
+        if let Some(balls) = choose(&grid, tolerance, most) {
+            return Some(rounded(&balls));
+        }
+        tolerance *= FAST_GROWTH;
+    }
 }
 
 /// The balls in f32, no smaller than before.

@@ -63,6 +63,7 @@ pub const HAND: usize = DOF + 1;
 ///     flange_from_grip: DPose3::IDENTITY,
 ///     links: Vec::new(),
 ///     allowed_self_collisions: Vec::new(),
+///     close_pairs: Vec::new(),
 ///     start: JointConfig::new([0.0; 2]),
 ///     gripper: None,
 ///     workspace_center: None,
@@ -91,6 +92,9 @@ pub struct Robot {
     /// Pairs `a < b` of indices into `links` that are never tested against each other, sorted:
     /// neighbours, pairs that overlap in every configuration and pairs that cannot meet.
     pub allowed_self_collisions: Vec<(usize, usize)>,
+    /// Pairs `a < b` of indices into `links` that are tested by their geometry where their spheres
+    /// touch, sorted; by their spheres alone without the feature `hulls`.
+    pub close_pairs: Vec<(usize, usize)>,
     /// Configuration in which episodes and searches start; of an arm from a file, which states
     /// none, the middle of its ranges.
     pub start: JointConfig,

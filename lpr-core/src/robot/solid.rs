@@ -1,6 +1,8 @@
 //! The geometry of a link as its description states it.
 
 use super::mesh::Triangle;
+#[cfg(feature = "hulls")]
+use super::surface;
 use glamx::{DPose3, DVec3};
 
 /// Geometry around its own origin, lengths in metres. Cylinders and capsules lie along z.
@@ -48,6 +50,36 @@ pub struct PlacedSolid {
 
 #[cfg(feature = "hulls")]
 impl Solid {
+    /// True if a point, in its frame, is inside; of a mesh nothing is known.
+    pub(crate) fn contains(&self, point: DVec3) -> bool {
+        let from_axis = |half_length: f64| {
+            DVec3::new(point.x, point.y, point.z - point.z.clamp(-half_length, half_length))
+        };
+        match self {
+            Self::Ball { radius } => point.length_squared() < radius * radius,
+            Self::Capsule { radius, half_length } => {
+                from_axis(*half_length).length_squared() < radius * radius
+            }
+            Self::Cylinder { radius, half_length } => {
+                point.z.abs() < *half_length
+                    && from_axis(*half_length).length_squared() < radius * radius
+            }
+            Self::Cuboid { half_extents } => point.abs().cmplt(*half_extents).all(),
+            Self::Mesh { .. } => false,
+        }
+    }
+
+    /// Its surface, as triangles; round ones from within, no further away than 0.5 % of the radius.
+    pub(crate) fn surface(&self) -> Vec<Triangle> {
+        match self {
+            Self::Ball { radius } => surface::capsule(*radius, 0.0),
+            Self::Capsule { radius, half_length } => surface::capsule(*radius, *half_length),
+            Self::Cylinder { radius, half_length } => surface::cylinder(*radius, *half_length).0,
+            Self::Cuboid { half_extents } => surface::cuboid(*half_extents),
+            Self::Mesh { triangles } => triangles.clone(),
+        }
+    }
+
     /// True if it is convex, and of few enough faces that each can be asked. Of a mesh: closed, and
     /// of the volume of its hull.
     pub(super) fn is_convex(&self) -> bool {

@@ -185,6 +185,7 @@ impl Robot {
         let links = links::links(&description, &placed.places, options, meshes, &mut warnings)?;
         let mut robot = Self {
             allowed_self_collisions: Vec::new(),
+            close_pairs: Vec::new(),
             name: description.name.clone(),
             start: middle_of(&placed.joints),
             joints: placed.joints,

@@ -1,7 +1,9 @@
 //! The robot as spheres, compiled for collision checks.
 
+use super::close_pair::ClosePair;
 use super::frames::{Frame, MovingFrame, carrier};
-use super::link_spheres::{ArmPart, LinkBits, LinkSpheres, MAX_LINKS};
+use super::geometry::Geometry;
+use super::link_spheres::{ArmPart, LinkBits, LinkGroup, LinkSpheres, MAX_LINKS};
 use super::primitive::Primitive;
 use super::reach::Reach;
 use super::solids::Solids;
@@ -41,12 +43,27 @@ pub struct ArmSpheres {
     limits: JointRanges,
     /// From the tip inwards: what sticks out furthest hits first.
     pub(super) links: Vec<LinkSpheres>,
+    /// The same, those of a body together.
+    pub(super) groups: Vec<LinkGroup>,
     /// Pairs of indices into the links that are tested against each other by their spheres.
     pub(super) self_pairs: Vec<(usize, usize)>,
+    /// The same, those of two groups together.
+    pub(super) group_pairs: Vec<GroupPair>,
+    /// Those that are tested by their geometry where their spheres touch.
+    pub(super) close_pairs: Vec<ClosePair>,
     /// Links of the base whose geometry is tested instead of their spheres.
     pub(super) fixed: Fixed,
     /// How far the spheres of each link can move.
     pub(super) reaches: Vec<Reach>,
+}
+
+/// Two groups of which some links are tested against each other.
+#[derive(Debug, Clone)]
+pub(super) struct GroupPair {
+    /// Indices of the groups.
+    pub(super) groups: (usize, usize),
+    /// Indices of the links.
+    pub(super) links: Vec<(usize, usize)>,
 }
 
 /// Links of the base as solids.
@@ -67,6 +84,7 @@ impl ArmSpheres {
         for link in arm.links.iter_mut().filter(is_hand) {
             link.part = ArmPart::Hand;
         }
+        arm.group();
         arm
     }
 
@@ -98,6 +116,10 @@ impl ArmSpheres {
             let pair = (order[a].min(order[b]), order[a].max(order[b]));
             !chain.allowed_self_collisions.contains(&pair)
         };
+        let (close, tested): (Vec<_>, Vec<_>) = pairs(order.len())
+            .filter(is_tested)
+            .map(|pair| (pair, close_pair(chain, &order, pair)))
+            .partition(|(_, close)| close.is_some());
         let mut arm = Self {
             level: Level::new(),
             moves: chain.moves().iter().map(|step| MovingFrame::new(chain, step)).collect(),
@@ -105,14 +127,18 @@ impl ArmSpheres {
             tip_body: chain.tip_body(),
             body_from_flange: Pose3::from(chain.body_from_flange),
             limits: chain.limits(),
-            self_pairs: pairs(order.len()).filter(is_tested).collect(),
+            self_pairs: tested.into_iter().map(|(pair, _)| pair).collect(),
+            close_pairs: close.into_iter().filter_map(|(_, close)| close).collect(),
             fixed: Fixed::default(),
             links: order.iter().map(|&i| LinkSpheres::of(&chain.links[i], i)).collect(),
             reaches: Vec::new(),
+            groups: Vec::new(),
+            group_pairs: Vec::new(),
         };
         arm.fix(order.iter().map(|&i| &chain.links[i]));
         arm.reaches =
             arm.links.iter().map(|link| Reach::new(&arm.moves, &arm.limits, link)).collect();
+        arm.group();
         Ok(arm)
     }
 
@@ -173,7 +199,22 @@ impl ArmSpheres {
             !touching.contains(&self.links[*link].name.as_str()) && !self.fixed.links.contains(link)
         });
         arm.self_pairs.extend(tested.map(|link| (link, object)));
+        arm.group();
         Ok(arm)
+    }
+
+    /// Groups the links, and their pairs in their order.
+    fn group(&mut self) {
+        self.groups = LinkGroup::of(&self.links);
+        let group = |link: usize| self.groups.iter().position(|it| it.bits >> link & 1 == 1);
+        self.group_pairs.clear();
+        for &(a, b) in &self.self_pairs {
+            let groups = group(a).zip(group(b)).expect("every link is in a group");
+            match self.group_pairs.iter_mut().find(|it| it.groups == groups) {
+                Some(pair) => pair.links.push((a, b)),
+                None => self.group_pairs.push(GroupPair { groups, links: vec![(a, b)] }),
+            }
+        }
     }
 
     /// Tests the exact links of the base by their solids, and no longer by their spheres.
@@ -217,7 +258,8 @@ impl ArmSpheres {
             .collect();
         with_fixed.sort_unstable();
         with_fixed.dedup();
-        [&self.self_pairs[..], &with_fixed].concat()
+        let close: Vec<_> = self.close_pairs.iter().map(|pair| pair.links).collect();
+        [&self.self_pairs[..], &close, &with_fixed].concat()
     }
 
     /// The bits of the links of that name, for [`super::Scene::allow_contact`].
@@ -301,6 +343,17 @@ impl ArmSpheres {
 /// Pairs `a < b` of `n` links.
 fn pairs(n: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..n).flat_map(move |a| (a + 1..n).map(move |b| (a, b)))
+}
+
+/// A pair of links as one of [`Robot::close_pairs`]; none of another, and where nothing is known of
+/// the geometry of one of them.
+fn close_pair(chain: &Robot, order: &[usize], pair: (usize, usize)) -> Option<ClosePair> {
+    let (a, b) = (order[pair.0], order[pair.1]);
+    if !chain.close_pairs.contains(&(a.min(b), a.max(b))) {
+        return None;
+    }
+    let geometry = |link: usize| Geometry::of(&chain.links[link]);
+    Some(ClosePair::new(pair, (geometry(a)?, geometry(b)?)))
 }
 
 fn is_broken(sphere: &Sphere) -> bool {

@@ -158,21 +158,24 @@ fn block_is_free<S: Simd>(
     frames: &[Frames<S>],
 ) -> bool {
     let mut bounds = ArrayVec::<Vec3s<S>, MAX_LINKS>::new();
-    for (idx, link) in arm.links.iter().enumerate() {
-        let frame = &frames[link.body];
-        let bound = frame.point(link.bound.center);
+    for group in &arm.groups {
+        let frame = &frames[group.body];
+        let bound = frame.point(group.bound.center);
         bounds.push(bound);
-        if links >> idx & 1 == 0 {
+        let looked_at = links & group.bits;
+        if looked_at == 0 {
             continue;
         }
-        let points = match link.part {
+        let points = match group.part {
             ArmPart::Base => continue,
             ArmPart::Arm => &scene.arm_points,
             ArmPart::Hand => &scene.hand_points,
         };
-        if points.meet(simd, link, frame, bound)
-            || scene.solids.meet(1 << idx, link, frame, bound)
-            || (!arm.fixed.solids.is_empty() && arm.fixed.solids.meet(1 << idx, link, frame, bound))
+        let spheres = group.links(&arm.links, looked_at);
+        if points.meet(simd, spheres, frame, (bound, group.bound.radius))
+            || scene.solids.meet(looked_at, group, &arm.links, frame, bound)
+            || (!arm.fixed.solids.is_empty()
+                && arm.fixed.solids.meet(looked_at, group, &arm.links, frame, bound))
         {
             return false;
         }
@@ -188,16 +191,30 @@ fn meets_itself<S: Simd>(
     frames: &[Frames<S>],
     bounds: &[Vec3s<S>],
 ) -> bool {
-    for &(a, b) in &arm.self_pairs {
+    for near in &arm.group_pairs {
+        let (group_a, group_b) = (&arm.groups[near.groups.0], &arm.groups[near.groups.1]);
+        let (bound_a, bound_b) = (bounds[near.groups.0], bounds[near.groups.1]);
+        if !overlap(bound_a, group_a.bound.radius, bound_b, group_b.bound.radius) {
+            continue;
+        }
+        for &(a, b) in &near.links {
+            let (link_a, link_b) = (&arm.links[a], &arm.links[b]);
+            let (frame_a, frame_b) = (&frames[link_a.body], &frames[link_b.body]);
+            if (links >> a | links >> b) & 1 == 1
+                && links_meet(simd, (link_a, frame_a), (link_b, frame_b))
+            {
+                return true;
+            }
+        }
+    }
+    for pair in &arm.close_pairs {
+        let (a, b) = pair.links;
         let (link_a, link_b) = (&arm.links[a], &arm.links[b]);
-        if overlap(bounds[a], link_a.bound.radius, bounds[b], link_b.bound.radius)
-            && (links >> a | links >> b) & 1 == 1
-            && links_meet(
-                simd,
-                (link_a, &frames[link_a.body]),
-                (link_b, &frames[link_b.body]),
-                bounds[b],
-            )
+        let (frame_a, frame_b) = (&frames[link_a.body], &frames[link_b.body]);
+        if (links >> a | links >> b) & 1 == 1
+            && links_meet(simd, (link_a, frame_a), (link_b, frame_b))
+            && (0..Floats::<S>::LEN)
+                .any(|lane| pair.meets(&arm.links, (&frame_a.lane(lane), &frame_b.lane(lane))))
         {
             return true;
         }
@@ -210,8 +227,11 @@ fn links_meet<S: Simd>(
     simd: S,
     (a, frame_a): (&LinkSpheres, &Frames<S>),
     (b, frame_b): (&LinkSpheres, &Frames<S>),
-    bound_b: Vec3s<S>,
 ) -> bool {
+    let bound_b = frame_b.point(b.bound.center);
+    if !overlap(frame_a.point(a.bound.center), a.bound.radius, bound_b, b.bound.radius) {
+        return false;
+    }
     for cluster in &a.clusters {
         let center = frame_a.point(cluster.bound.center);
         if overlap(center, cluster.bound.radius, bound_b, b.bound.radius) {

@@ -142,20 +142,20 @@ impl PointCloud {
         outside.dot(outside) + gap > reach * reach
     }
 
-    /// True if in any lane a sphere of `link`, whose bounding sphere has its centre at `bound`,
-    /// meets the ball of a point.
+    /// True if in any lane a sphere of one of `links`, around which is a bounding sphere of that
+    /// radius with its centre at `bound`, meets the ball of a point.
     #[inline(always)]
-    pub(super) fn meet<S: Simd>(
+    pub(super) fn meet<'a, S: Simd>(
         &self,
         simd: S,
-        link: &LinkSpheres,
+        links: impl Iterator<Item = &'a LinkSpheres>,
         frame: &Frames<S>,
-        bound: Vec3s<S>,
+        (bound, radius): (Vec3s<S>, f32),
     ) -> bool {
-        if self.points.is_empty() || self.perhaps_near(simd, bound, link.bound.radius) == 0 {
+        if self.points.is_empty() || self.perhaps_near(simd, bound, radius) == 0 {
             return false;
         }
-        for cluster in &link.clusters {
+        for cluster in links.flat_map(|link| &link.clusters) {
             if self.perhaps_near(simd, frame.point(cluster.bound.center), cluster.bound.radius) != 0
             {
                 for sphere in &cluster.spheres {

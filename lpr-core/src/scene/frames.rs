@@ -2,8 +2,8 @@
 //! each lane.
 
 use crate::lanes::Vec3s;
-use crate::robot::{JointMotion, Move, Robot};
-use fearless_simd::Simd;
+use crate::robot::{JointMotion, Move, Robot, Sphere};
+use fearless_simd::{Simd, SimdBase as _};
 use glamx::{DVec3, Mat3, Pose3, Quat, Vec3};
 
 /// Lanes of the widest vectors.
@@ -111,6 +111,11 @@ impl Frame {
         self.vector(point) + self.origin
     }
 
+    /// A sphere of this frame in the world.
+    pub(super) fn sphere(&self, sphere: &Sphere) -> Sphere {
+        Sphere { center: self.point(sphere.center), radius: sphere.radius }
+    }
+
     /// The frame of the joint that follows, turned by `q`.
     pub(super) fn after(&self, joint: &MovingFrame, q: f32) -> Self {
         let [x, y, z] = match joint.rotation {
@@ -150,6 +155,14 @@ impl<S: Simd> Frames<S> {
         let axes =
             [Vec3s::splat(simd, Vec3::X), Vec3s::splat(simd, Vec3::Y), Vec3s::splat(simd, Vec3::Z)];
         Self { axes, origin: Vec3s::splat(simd, Vec3::ZERO) }
+    }
+
+    /// The frame of one lane.
+    pub(super) fn lane(&self, lane: usize) -> Frame {
+        let vector = |v: &Vec3s<S>| {
+            Vec3::new(v.x.as_slice()[lane], v.y.as_slice()[lane], v.z.as_slice()[lane])
+        };
+        Frame { axes: self.axes.each_ref().map(vector), origin: vector(&self.origin) }
     }
 
     /// One of the axes or its opposite.

@@ -1,5 +1,6 @@
 //! The spheres of a link, in clusters.
 
+use super::frames::Frame;
 use super::primitive::length;
 use crate::robot::{Link, Sphere};
 use glamx::Vec3;
@@ -30,6 +31,54 @@ pub(super) struct LinkSpheres {
     /// Largest distance of a sphere's centre from that of the bound, metres.
     pub(super) spread: f32,
     pub(super) clusters: Vec<Cluster>,
+}
+
+/// Links next to each other that are fixed to the same body, and a sphere around all of them: most
+/// often it tells enough.
+#[derive(Debug, Clone)]
+pub(super) struct LinkGroup {
+    pub(super) bits: LinkBits,
+    pub(super) body: usize,
+    pub(super) part: ArmPart,
+    pub(super) bound: Sphere,
+}
+
+impl LinkGroup {
+    /// The links of an arm in groups, in their order.
+    pub(super) fn of(links: &[LinkSpheres]) -> Vec<Self> {
+        let mut first = 0;
+        let is_same = |a: &LinkSpheres, b: &LinkSpheres| (a.body, a.part) == (b.body, b.part);
+        let group = |links: &[LinkSpheres]| {
+            let bits = (LinkBits::MAX >> (MAX_LINKS - links.len())) << first;
+            first += links.len();
+            let spheres: Vec<Sphere> =
+                links.iter().flat_map(LinkSpheres::spheres).copied().collect();
+            let bound = if links.len() == 1 { links[0].bound } else { bound(&spheres) };
+            Self { bits, body: links[0].body, part: links[0].part, bound }
+        };
+        links.chunk_by(is_same).map(group).collect()
+    }
+
+    /// True of one link.
+    #[inline(always)]
+    pub(super) const fn is_single(&self) -> bool {
+        self.bits.is_power_of_two()
+    }
+
+    /// The links of the group that are in `bits`.
+    #[inline(always)]
+    pub(super) fn links<'a>(
+        &self,
+        arm: &'a [LinkSpheres],
+        bits: LinkBits,
+    ) -> impl Iterator<Item = &'a LinkSpheres> {
+        let mut left = bits & self.bits;
+        core::iter::from_fn(move || {
+            let idx = left.trailing_zeros() as usize;
+            left &= left.wrapping_sub(1);
+            arm.get(idx)
+        })
+    }
 }
 
 /// A few spheres of a link that are close together and a sphere around them, in the body's frame.
@@ -72,6 +121,26 @@ impl LinkSpheres {
     /// Name of the link.
     pub(super) fn name(&self) -> &str {
         &self.name
+    }
+
+    /// True if one of its spheres touches one of another link, given with the frames of their bodies.
+    pub(super) fn touches(&self, frame: &Frame, other: &Self, other_frame: &Frame) -> bool {
+        let overlap = |a: &Sphere, b: &Sphere| length(a.center - b.center) < a.radius + b.radius;
+        let (bound, other_bound) = (frame.sphere(&self.bound), other_frame.sphere(&other.bound));
+        if !overlap(&bound, &other_bound) {
+            return false;
+        }
+        let others: Vec<Sphere> = (other.spheres().map(|sphere| other_frame.sphere(sphere)))
+            .filter(|sphere| overlap(sphere, &bound))
+            .collect();
+        let near = self.spheres().map(|sphere| frame.sphere(sphere));
+        near.filter(|sphere| overlap(sphere, &other_bound))
+            .any(|sphere| others.iter().any(|other| overlap(&sphere, other)))
+    }
+
+    /// In the body's frame.
+    pub(super) fn spheres(&self) -> impl Iterator<Item = &Sphere> {
+        self.clusters.iter().flat_map(|cluster| &cluster.spheres)
     }
 
     /// Index among the links of the robot.

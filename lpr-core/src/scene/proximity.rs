@@ -6,6 +6,7 @@
 //! geometric Jacobian of its centre.
 
 use super::arm_spheres::ArmSpheres;
+use super::close_pair::ClosePair;
 use super::cloud::PointCloud;
 use super::contents::Scene;
 use super::frames::Frame;
@@ -121,7 +122,9 @@ impl Scene {
         let to_itself = arm.self_pairs.iter();
         let to_itself = to_itself
             .filter_map(move |&(a, b)| placed.between(&arm.links[a], &arm.links[b], reach));
-        to_scene.flatten().chain(to_itself)
+        let closely = arm.close_pairs.iter();
+        let closely = closely.filter_map(move |pair| placed.between_closely(pair, reach));
+        to_scene.flatten().chain(to_itself).chain(closely)
     }
 }
 
@@ -145,27 +148,20 @@ impl<'a> Placed<'a> {
                 .filter(|(_, link)| **link == a)
                 .any(|(solid, _)| self.nearest_to_solid(link_b, solid, 0.0).is_some());
         }
-        let (a, b) = (&self.arm.links[a], link_b);
-        let (bound_a, bound_b) = (self.place(a, &a.bound), self.place(b, &b.bound));
-        let overlap = |a: &Sphere, b: &Sphere| length(a.center - b.center) < a.radius + b.radius;
-        if !overlap(&bound_a, &bound_b) {
-            return false;
-        }
-        let near_b = self.spheres(a).filter(|sphere| overlap(sphere, &bound_b));
-        let others: Vec<Sphere> =
-            self.spheres(b).filter(|sphere| overlap(sphere, &bound_a)).collect();
-        near_b.into_iter().any(|sphere| others.iter().any(|other| overlap(&sphere, other)))
+        let link_a = &self.arm.links[a];
+        link_a.touches(self.frame(link_a), link_b, self.frame(link_b))
+    }
+
+    fn frame(&self, link: &LinkSpheres) -> &Frame {
+        &self.frames[link.body]
     }
 
     fn place(&self, link: &LinkSpheres, sphere: &Sphere) -> Sphere {
-        Sphere { center: self.frames[link.body].point(sphere.center), radius: sphere.radius }
+        self.frame(link).sphere(sphere)
     }
 
     fn spheres(&self, link: &LinkSpheres) -> impl Iterator<Item = Sphere> {
-        link.clusters
-            .iter()
-            .flat_map(|cluster| &cluster.spheres)
-            .map(|sphere| self.place(link, sphere))
+        link.spheres().map(|sphere| self.place(link, sphere))
     }
 
     fn nearest_to_solid(
@@ -233,6 +229,17 @@ impl<'a> Placed<'a> {
             normal: gap.normal,
             other_center,
         })
+    }
+
+    /// The same of a pair whose geometry may be apart where its spheres touch: by how much is not
+    /// known.
+    fn between_closely(&self, pair: &ClosePair, reach: f32) -> Option<Gap<'a>> {
+        let (a, b) = (&self.arm.links[pair.links.0], &self.arm.links[pair.links.1]);
+        let gap = self.between(a, b, reach)?;
+        let are_apart =
+            gap.distance >= 0.0 || !pair.meets(&self.arm.links, (self.frame(a), self.frame(b)));
+        let distance = if are_apart { gap.distance.max(0.0) } else { gap.distance };
+        (distance < reach).then_some(Gap { distance, ..gap })
     }
 
     /// The gap with its gradient.

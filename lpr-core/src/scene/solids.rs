@@ -1,9 +1,10 @@
 //! Primitives prepared for checks: which of many a ball meets, for every lane at once.
 
 use super::frames::Frames;
-use super::link_spheres::{LinkBits, LinkSpheres};
+use super::link_spheres::{LinkBits, LinkGroup, LinkSpheres};
 use super::primitive::{Face, Primitive};
 use crate::lanes::Vec3s;
+use crate::robot::Sphere;
 use fearless_simd::{Simd, SimdBase as _, SimdFloat, SimdMask as _};
 use glamx::{Pose3, Quat, Vec3};
 
@@ -185,19 +186,21 @@ impl Solids {
         self.primitives.is_empty()
     }
 
-    /// True if in any lane a solid meets a sphere of `link`, whose bounding sphere has its centre
-    /// at `bound`.
+    /// True if in any lane a solid meets a sphere of one of the links of `group`, whose bounding
+    /// sphere has its centre at `bound`.
     ///
-    /// `bit` is the link's; solids that it may touch are passed over.
+    /// Of the group, indices into `arm`, those in `links` are looked at; solids that a link may touch
+    /// are passed over.
     #[inline(always)]
     pub(super) fn meet<S: Simd>(
         &self,
-        bit: LinkBits,
-        link: &LinkSpheres,
+        links: LinkBits,
+        group: &LinkGroup,
+        arm: &[LinkSpheres],
         frame: &Frames<S>,
         bound: Vec3s<S>,
     ) -> bool {
-        let radius = link.bound.radius;
+        let radius = group.bound.radius;
         let furthest = bound.length_squared().reduce_max();
         macro_rules! meet {
             ($kind:expr) => {
@@ -206,15 +209,23 @@ impl Solids {
                     if nearest > 0.0 && nearest * nearest > furthest {
                         break;
                     }
-                    if solid.tag.allowed & bit == 0 && solid.touches(bound, radius) {
+                    let tested = links & !solid.tag.allowed;
+                    if tested == 0 || !solid.touches(bound, radius) {
+                        continue;
+                    }
+                    for link in group.links(arm, tested) {
+                        let Sphere { center, radius } = link.bound;
+                        if !group.is_single() && !solid.touches(frame.point(center), radius) {
+                            continue;
+                        }
                         for cluster in &link.clusters {
-                            if solid
-                                .touches(frame.point(cluster.bound.center), cluster.bound.radius)
-                            {
-                                for sphere in &cluster.spheres {
-                                    if solid.touches(frame.point(sphere.center), sphere.radius) {
-                                        return true;
-                                    }
+                            let Sphere { center, radius } = cluster.bound;
+                            if !solid.touches(frame.point(center), radius) {
+                                continue;
+                            }
+                            for sphere in &cluster.spheres {
+                                if solid.touches(frame.point(sphere.center), sphere.radius) {
+                                    return true;
                                 }
                             }
                         }

@@ -23,6 +23,7 @@ pub(crate) fn stick_arm() -> Robot {
         name: "stick".to_owned(),
         links: PANDA.links.iter().enumerate().map(link).collect(),
         allowed_self_collisions: near.collect(),
+        close_pairs: Vec::new(),
         ..Robot::clone(&PANDA)
     }
 }

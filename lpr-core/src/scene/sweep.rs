@@ -19,6 +19,10 @@ use arrayvec::ArrayVec;
 use fearless_simd::{Simd, SimdBase as _, SimdFloat as _, SimdMask as _};
 use glamx::Vec3;
 
+/// `1/s²`, where `s` is the longest move of geometry that may touch in a point: half of it is its
+/// depth between two looks.
+const POINT: f32 = 1.0 / (4.0 * DEEPEST * DEEPEST);
+
 /// For each joint, radians in a step by which the motion that it gives a point is turned: once by
 /// itself, and in the second derivative twice by every joint before it.
 fn turns(arm: &ArmSpheres, rates: &[f32; MAX_JOINTS]) -> [f32; MAX_JOINTS] {
@@ -87,11 +91,17 @@ impl Sweep {
             *rate = (b - a) / n as f32;
         }
         let enough = 1.0 / (spacing * spacing);
+        let close = arm
+            .close_pairs
+            .iter()
+            .fold(0, |bits: LinkBits, pair| bits | 1 << pair.links.0 | 1 << pair.links.1);
         let turns = turns(arm, &rates);
-        let links = arm.reaches.iter().map(|reach| {
+        let links = arm.reaches.iter().enumerate().map(|(idx, reach)| {
             let (moved, acceleration) = reach.motion(&rates[..arm.dof()], &turns);
             let bend = acceleration / (8.0 * DEEPEST);
-            let needed = moved * moved * reach.inverse_squared_move + bend;
+            let is_close = close >> idx & 1 == 1;
+            let least = if is_close { POINT } else { reach.inverse_squared_move };
+            let needed = moved * moved * least + bend;
             let faster = spacing * acceleration;
             LinkSweep { moved, faster, bend, is_measured: needed > enough }
         });
@@ -190,6 +200,12 @@ impl<S: Simd> Pace<S> {
                 let radius = arm.reaches[a].radius + arm.reaches[b].radius;
                 unseen.add(1 << a | 1 << b, by * by * inverse_squared_move(radius) + bend, sweep);
             }
+        }
+        for pair in &arm.close_pairs {
+            let (a, b) = pair.links;
+            let by = (fastest[a] + fastest[b]).min(arm.moved_against(a, b, &sweep.rates));
+            let bend = sweep.links[a].bend + sweep.links[b].bend;
+            unseen.add(1 << a | 1 << b, by * by * POINT + bend, sweep);
         }
         (unseen.links != 0).then_some(unseen)
     }

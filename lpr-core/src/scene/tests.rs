@@ -1,9 +1,10 @@
+use super::arm_spheres::GroupPair;
 use super::block::{Looks, Sampled};
-use super::link_spheres::LinkBits;
+use super::link_spheres::{LinkBits, LinkGroup, LinkSpheres};
 use super::stick_arm::{is_free_by_brute_force, stick_arm};
 use super::sweep::{Sweep, Unseen};
 use super::*;
-use crate::robot::{Joint, JointConfig, JointMotion, JointOrigin, Link, Robot, Sphere};
+use crate::robot::{Joint, JointConfig, JointMotion, JointOrigin, Link, PANDA, Robot, Sphere};
 use fearless_simd::Level;
 use glamx::{DPose3, DQuat, DVec3, Pose3, Quat, Vec3};
 use proptest::prelude::*;
@@ -96,6 +97,7 @@ fn gantry(radius: f32) -> ArmSpheres {
         flange_from_grip: DPose3::IDENTITY,
         links: vec![ball],
         allowed_self_collisions: Vec::new(),
+        close_pairs: Vec::new(),
         start: JointConfig::new([0.0; 3]),
         gripper: None,
         workspace_center: None,
@@ -127,6 +129,21 @@ fn solids(at: &[Vec3], turn: [f32; 3], size: f32) -> Vec<Primitive> {
     solids
 }
 
+/// The arm with a group for each link.
+fn each_by_itself(arm: &ArmSpheres) -> ArmSpheres {
+    let mut alone = arm.clone();
+    let group = |(idx, link): (usize, &LinkSpheres)| LinkGroup {
+        bits: 1 << idx,
+        body: link.body,
+        part: link.part,
+        bound: link.bound,
+    };
+    alone.groups = arm.links.iter().enumerate().map(group).collect();
+    let pairs = arm.self_pairs.iter();
+    alone.group_pairs = pairs.map(|&pair| GroupPair { groups: pair, links: vec![pair] }).collect();
+    alone
+}
+
 proptest! {
     #[test]
     fn checks_agree_with_brute_force_in_clouds(config in config(), points in prop::collection::vec(position(), 0..40)) {
@@ -143,6 +160,26 @@ proptest! {
         size in 0.03_f32..0.2,
     ) {
         check(&Scene::from_primitives(solids(&at, turn, size)), &config)?;
+    }
+
+    /// Of the Panda the last link and the hand are of one body.
+    #[test]
+    fn links_of_one_body_decide_together_as_each_by_itself(
+        config in config(),
+        at in prop::collection::vec(position(), 6),
+        turn in prop::array::uniform3(-3.0_f32..3.0),
+        size in 0.03_f32..0.2,
+        points in prop::collection::vec(position(), 0..10),
+    ) {
+        let mut robot = PANDA.described();
+        // What the two may touch differs.
+        robot.allowed_self_collisions.retain(|&pair| pair != (1, 8));
+        let arm = ArmSpheres::from_description(&robot).unwrap();
+        prop_assert!(arm.groups.len() < arm.links.len());
+        let alone = each_by_itself(&arm);
+        let mut scene = Scene::from_primitives(solids(&at, turn, size)).with_points(&points, 0.02);
+        scene.allow_contact(&arm, "hand", 0).unwrap();
+        prop_assert_eq!(scene.is_free(&arm, &config), scene.is_free(&alone, &config));
     }
 
     #[test]

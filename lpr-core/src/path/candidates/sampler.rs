@@ -1,9 +1,9 @@
 //! The generators of candidates: lines 8–11 of Algorithm 1.
 
-use super::in_order::map_in_order;
 use super::query::{CandidateStreams, PathQuery};
 use super::set::{CandidateSet, Outcome, SampledPaths};
 use super::settings::CandidateSettings;
+use crate::in_order::map_in_order;
 use crate::path::curves::{BezierCurve, ScrewMotion};
 use crate::path::joint_path::JointPath;
 use crate::path::planners::{PlannerSettings, plan_with, shortcut};

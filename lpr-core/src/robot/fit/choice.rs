@@ -31,11 +31,27 @@ pub(super) fn choose(grid: &Grid, tolerance: f64, n: usize) -> Option<Vec<Ball>>
         let compared = covering.iter().rev().step_by(covering.len() / N_CANDIDATES + 1);
         let best = **compared.max_by_key(|ball| n_covered(ball, &uncovered))?;
         chosen.push(best);
-        uncovered.retain(|spot| !best.covers(spot));
+        let near = grid.shell(&uncovered, &best);
+        let left: Vec<Spot> =
+            uncovered[near.clone()].iter().filter(|spot| !best.covers(spot)).copied().collect();
+        uncovered.splice(near, left);
     }
-    drop_superfluous(&mut chosen, spots);
-    tighten(&mut chosen, spots);
-    (chosen.len() <= n).then_some(chosen)
+    let mut covered: Vec<Covered> =
+        chosen.into_iter().map(|ball| Covered { ball, spots: spots_in(grid, &ball) }).collect();
+    drop_superfluous(&mut covered, spots.len());
+    (covered.len() <= n).then(|| tightened(&covered, spots))
+}
+
+/// A chosen ball and the indices of the spots that it covers.
+struct Covered {
+    ball: Ball,
+    spots: Vec<usize>,
+}
+
+/// Indices of the spots that a ball covers.
+fn spots_in(grid: &Grid, ball: &Ball) -> Vec<usize> {
+    let spots = grid.spots();
+    grid.shell(spots, ball).filter(|&i| ball.covers(&spots[i])).collect()
 }
 
 fn n_covered(ball: &Ball, spots: &[Spot]) -> usize {
@@ -43,30 +59,33 @@ fn n_covered(ball: &Ball, spots: &[Spot]) -> usize {
 }
 
 /// Leaves out balls without which everything is covered, the smallest first.
-fn drop_superfluous(balls: &mut Vec<Ball>, spots: &[Spot]) {
-    balls.sort_by(|a, b| a.radius.total_cmp(&b.radius));
-    let mut n_covering: Vec<usize> =
-        spots.iter().map(|spot| balls.iter().filter(|ball| ball.covers(spot)).count()).collect();
-    balls.retain(|ball| {
-        let is_needed = spots.iter().zip(&n_covering).any(|(spot, n)| *n == 1 && ball.covers(spot));
+fn drop_superfluous(balls: &mut Vec<Covered>, n_spots: usize) {
+    balls.sort_by(|a, b| a.ball.radius.total_cmp(&b.ball.radius));
+    let mut n_covering = vec![0_usize; n_spots];
+    balls.iter().flat_map(|it| &it.spots).for_each(|&spot| n_covering[spot] += 1);
+    balls.retain(|it| {
+        let is_needed = it.spots.iter().any(|&spot| n_covering[spot] == 1);
         if !is_needed {
-            let covered = spots.iter().zip(&mut n_covering).filter(|(spot, _)| ball.covers(spot));
-            covered.for_each(|(_, n)| *n -= 1);
+            it.spots.iter().for_each(|&spot| n_covering[spot] -= 1);
         }
         is_needed
     });
 }
 
-/// Makes every ball as small as it may be, where a spot is left to the ball that has most room
-/// around it.
-fn tighten(balls: &mut [Ball], spots: &[Spot]) {
-    let mut needed = vec![0.0_f64; balls.len()];
-    for spot in spots {
-        let covering = balls.iter().enumerate().filter(|(_, ball)| ball.covers(spot));
-        let rooms = covering.map(|(i, ball)| (i, ball.room_around(spot)));
-        if let Some((i, room)) = rooms.max_by(|(_, a), (_, b)| a.total_cmp(b)) {
-            needed[i] = needed[i].max(balls[i].radius - room);
+/// Every ball as small as it may be, where a spot is left to the ball that has most room around it.
+fn tightened(balls: &[Covered], spots: &[Spot]) -> Vec<Ball> {
+    let mut roomiest = vec![(0, f64::NEG_INFINITY); spots.len()];
+    for (i, it) in balls.iter().enumerate() {
+        for &spot in &it.spots {
+            let room = it.ball.room_around(&spots[spot]);
+            if room >= roomiest[spot].1 {
+                roomiest[spot] = (i, room);
+            }
         }
     }
-    balls.iter_mut().zip(needed).for_each(|(ball, radius)| ball.radius = radius);
+    let mut needed = vec![0.0_f64; balls.len()];
+    for (i, room) in roomiest {
+        needed[i] = needed[i].max(balls[i].ball.radius - room);
+    }
+    balls.iter().zip(needed).map(|(it, radius)| Ball { radius, ..it.ball }).collect()
 }

@@ -6,6 +6,7 @@
 
 use super::Triangle;
 use super::ball::{Ball, Spot};
+use core::ops::Range;
 use glamx::DVec3;
 
 /// How finely a grid divides the box around a surface.
@@ -41,8 +42,10 @@ pub(super) struct Grid {
     cell: f64,
     /// Distance of any point of the surface from the nearest sample, metres, at most.
     sample_reach: f64,
-    /// Every sample with all points that it stands for, and every enclosed cell.
+    /// Every sample with all points that it stands for, and every enclosed cell, the furthest from
+    /// the middle first.
     spots: Vec<Spot>,
+    middle: DVec3,
     /// Centres of enclosed cells, each with the radius of a ball around it that the surface does
     /// not enter.
     enclosed: Vec<Ball>,
@@ -70,10 +73,14 @@ impl Grid {
         let samples: Vec<DVec3> = fine.iter().map(|&(_, idx)| axes.fine_center(idx)).collect();
         let sample_reach = axes.cell * (SAMPLE_REACH * SPACING + HALF_DIAGONAL / FINE as f64) + gap;
         let cells = surface_cells(&axes, &fine, &samples);
+        let rows = axes.rows(&cells);
+        let mut last = (DVec3::ZERO, f64::INFINITY);
         let ball = |idx: usize| {
             let center = axes.center(idx);
-            let depth = (nearest(center, &cells, axes.cell) - sample_reach).max(0.0);
-            Ball { center, depth, radius: 0.0 }
+            // No further than the last centre and what is nearest to that.
+            let limit = last.1 + last.0.distance(center);
+            last = (center, axes.nearest(center, &cells, &rows, limit));
+            Ball { center, depth: (last.1 - sample_reach).max(0.0), radius: 0.0 }
         };
         let enclosed: Vec<Ball> =
             axes.enclosed(cells.iter().map(|it| it.idx)).into_iter().map(ball).collect();
@@ -81,8 +88,10 @@ impl Grid {
             .iter()
             .map(|it| surface_ball(axes.cell, nearest_to(it.center, it.samples)))
             .collect();
-        let spots = spots(&samples, sample_reach, &enclosed, axes.cell);
-        Ok(Self { cell: axes.cell, sample_reach, spots, enclosed, on_surface })
+        let (low, high) = bounds(samples.iter());
+        let middle = 0.5 * (low + high);
+        let spots = spots(&samples, sample_reach, &enclosed, axes.cell, middle);
+        Ok(Self { cell: axes.cell, sample_reach, spots, middle, enclosed, on_surface })
     }
 
     /// The ball around a sample.
@@ -103,37 +112,47 @@ impl Grid {
         &self.spots
     }
 
+    /// The range of spots, the furthest from the middle first, that are about as far from it as a
+    /// ball: it covers no others.
+    pub(super) fn shell(&self, spots: &[Spot], ball: &Ball) -> Range<usize> {
+        // Rounding is far less than a cell.
+        let reach = ball.radius + 1e-6 * self.cell;
+        let at = ball.center.distance(self.middle);
+        let from_middle = |spot: &Spot| spot.center.distance(self.middle);
+        let start = spots.partition_point(|spot| from_middle(spot) > at + reach);
+        start..spots.partition_point(|spot| from_middle(spot) >= at - reach)
+    }
+
     /// Balls within the solid, and small ones on its surface.
     pub(super) fn balls(&self) -> impl Iterator<Item = Ball> + '_ {
         self.enclosed.iter().chain(&self.on_surface).copied()
     }
 }
 
-fn spots(samples: &[DVec3], sample_reach: f64, enclosed: &[Ball], cell: f64) -> Vec<Spot> {
+fn spots(
+    samples: &[DVec3],
+    sample_reach: f64,
+    enclosed: &[Ball],
+    cell: f64,
+    middle: DVec3,
+) -> Vec<Spot> {
     let of_samples = samples.iter().map(|&center| Spot { center, radius: sample_reach });
     let of_cells =
         enclosed.iter().map(|ball| Spot { center: ball.center, radius: cell * HALF_DIAGONAL });
     let mut spots: Vec<Spot> = of_samples.chain(of_cells).collect();
-    let (low, high) = samples.iter().fold((DVec3::MAX, DVec3::MIN), |(low, high), sample| {
-        (low.min(*sample), high.max(*sample))
-    });
-    let from_middle = |spot: &Spot| spot.center.distance_squared(0.5 * (low + high));
+    let from_middle = |spot: &Spot| spot.center.distance_squared(middle);
     spots.sort_by(|a, b| from_middle(b).total_cmp(&from_middle(a)));
     spots
+}
+
+/// The corners of the box around points.
+fn bounds<'a>(points: impl Iterator<Item = &'a DVec3>) -> (DVec3, DVec3) {
+    points.fold((DVec3::MAX, DVec3::MIN), |(low, high), point| (low.min(*point), high.max(*point)))
 }
 
 /// The centre of a fine cell may be outside by half its diagonal.
 fn surface_ball(cell: f64, sample: DVec3) -> Ball {
     Ball { center: sample, depth: -cell * HALF_DIAGONAL / FINE as f64, radius: 0.0 }
-}
-
-/// Distance to the nearest sample, metres: only in cells that may hold it.
-fn nearest(point: DVec3, cells: &[SurfaceCell<'_>], cell: f64) -> f64 {
-    let squared = |it: &SurfaceCell<'_>| it.center.distance_squared(point);
-    let limit = libm::sqrt(cells.iter().map(squared).fold(f64::INFINITY, f64::min))
-        + 2.0 * HALF_DIAGONAL * cell;
-    let near = cells.iter().filter(|it| squared(it) <= limit * limit).flat_map(|it| it.samples);
-    libm::sqrt(near.map(|sample| sample.distance_squared(point)).fold(f64::INFINITY, f64::min))
 }
 
 /// A cell through which the surface passes.
@@ -208,9 +227,7 @@ impl Axes {
     /// Cells around the corners, an odd number of them along each axis: the middle of a symmetric
     /// solid is that of a cell.
     fn around(triangles: &[Triangle], fineness: Fineness) -> Self {
-        let corners = || triangles.iter().flatten().copied();
-        let (low, high) =
-            (corners().fold(DVec3::MAX, DVec3::min), corners().fold(DVec3::MIN, DVec3::max));
+        let (low, high) = bounds(triangles.as_flattened().iter());
         let sides = high - low;
         let Fineness { n_cells, max_per_side, enough } = fineness;
         let least = (sides.max_element() / max_per_side).max(MIN_CELL);
@@ -264,6 +281,36 @@ impl Axes {
         fine.sort_unstable();
         fine.dedup();
         Ok(fine)
+    }
+
+    /// Index of the first of the cells, sorted by index, in each row along x, and their number.
+    fn rows(&self, cells: &[SurfaceCell<'_>]) -> Vec<usize> {
+        let [n_x, n_y, n_z] = self.n;
+        (0..=n_y * n_z).map(|row| cells.partition_point(|it| it.idx < row * n_x)).collect()
+    }
+
+    /// Distance of a point from the nearest sample, which is within `limit`, metres: only in cells
+    /// that may hold it.
+    fn nearest(&self, point: DVec3, cells: &[SurfaceCell<'_>], rows: &[usize], limit: f64) -> f64 {
+        let half_diagonal = HALF_DIAGONAL * self.cell;
+        let squared = |it: &&SurfaceCell<'_>| it.center.distance_squared(point);
+        let in_rows = |reach: f64| {
+            let n_cells = reach / self.cell;
+            let [_, y, z] = ((point - self.low) / self.cell).to_array();
+            let [y, z] = [(y, self.n[1]), (z, self.n[2])].map(|(at, n)| {
+                (at - n_cells).max(0.0) as usize..(at + n_cells + 1.0).min(n as f64) as usize
+            });
+            let n_y = self.n[1];
+            z.flat_map(move |z| y.clone().map(move |y| z * n_y + y))
+                .flat_map(move |row| &cells[rows[row]..rows[row + 1]])
+        };
+        // A cell that has samples has one within its own size of its centre.
+        let nearest_center =
+            in_rows(limit + half_diagonal).map(|it| squared(&it)).fold(f64::INFINITY, f64::min);
+        let reach = libm::sqrt(nearest_center) + 2.0 * half_diagonal;
+        let near = in_rows(reach).filter(|it| squared(it) <= reach * reach);
+        let samples = near.flat_map(|it| it.samples);
+        libm::sqrt(samples.map(|it| it.distance_squared(point)).fold(f64::INFINITY, f64::min))
     }
 
     /// Cells that cannot be reached from outside, face by face, without passing through the

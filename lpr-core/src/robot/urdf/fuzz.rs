@@ -1,4 +1,7 @@
-//! Documents that are broken in ways nobody thought of: an arm or a message, never a panic.
+//! Documents that are broken in ways nobody thought of: an arm or a message, never a panic; with
+//! `make fuzz` many of them, each within a second.
+
+#![expect(clippy::disallowed_methods, reason = "how many, and how long each takes, is the test's")]
 
 use super::tests::{ARM, SEMANTICS, snake};
 use super::*;
@@ -6,6 +9,13 @@ use lpr_tests::mistake;
 use proptest::prelude::*;
 use proptest::sample::Index;
 use proptest::test_runner::RngSeed;
+use std::ops::Range;
+use std::time::Instant;
+
+/// Documents of each test, if not a few.
+const MANY: &str = "LPR_FUZZ_CASES";
+/// Longest that one of many may take, seconds.
+const LONGEST: f32 = 1.0;
 
 const MESH: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
 
@@ -23,6 +33,12 @@ enum Change {
     Cut(Index),
     Remove(Index, Index),
     Replace(Index, &'static str),
+    /// The value of an attribute.
+    Value(Index, &'static str),
+    /// Two values, so that what refers to one refers to the other.
+    Swap(Index, Index),
+    /// A whole joint, which is lost or there twice.
+    Joint(Index, bool),
 }
 
 fn change() -> impl Strategy<Value = Change> {
@@ -50,17 +66,81 @@ fn change() -> impl Strategy<Value = Change> {
         "xacro:",
         "é",
     ];
+    let values = [
+        "",
+        "0",
+        "-1",
+        "nan",
+        "inf",
+        "1e300",
+        "-1e-300",
+        "0 0 0",
+        "1 2 3 4",
+        "1,5",
+        "0x10",
+        "base",
+        "world",
+        "elbow",
+        "fixed",
+        "continuous",
+        "prismatic",
+        "floating",
+        "<",
+    ];
     let any_index = any::<Index>;
     prop_oneof![
         any_index().prop_map(Change::Cut),
         (any_index(), any_index()).prop_map(|(a, b)| Change::Remove(a, b)),
         (any_index(), prop::sample::select(words.to_vec()))
             .prop_map(|(at, word)| Change::Replace(at, word)),
+        (any_index(), prop::sample::select(values.to_vec()))
+            .prop_map(|(at, value)| Change::Value(at, value)),
+        (any_index(), any_index()).prop_map(|(a, b)| Change::Swap(a, b)),
+        (any_index(), any::<bool>()).prop_map(|(at, is_lost)| Change::Joint(at, is_lost)),
     ]
 }
 
-/// Changes whole words, so that many documents are still XML.
+/// The values of attributes.
+fn values(text: &str) -> Vec<Range<usize>> {
+    let quotes: Vec<usize> = text.match_indices('"').map(|(at, _)| at).collect();
+    quotes.chunks_exact(2).map(|pair| pair[0] + 1..pair[1]).collect()
+}
+
+/// Changes values and joints, which leaves XML, and then whole words, which often does.
 fn changed(text: &str, changes: &[Change]) -> String {
+    let mut text = text.to_owned();
+    for change in changes {
+        let values = values(&text);
+        match change {
+            Change::Value(at, value) if !values.is_empty() => {
+                text.replace_range(at.get(&values).clone(), value);
+            }
+            Change::Swap(a, b) if !values.is_empty() => {
+                let (a, b) = (a.get(&values).clone(), b.get(&values).clone());
+                let (first, second) = if a.start <= b.start { (a, b) } else { (b, a) };
+                let (of_first, of_second) =
+                    (text[first.clone()].to_owned(), text[second.clone()].to_owned());
+                text.replace_range(second, &of_first);
+                text.replace_range(first, &of_second);
+            }
+            Change::Joint(at, is_lost) => {
+                let starts: Vec<usize> = text.match_indices("<joint").map(|(at, _)| at).collect();
+                let Some(&start) = starts.get(at.index(starts.len().max(1))) else { continue };
+                let Some(length) = text[start..].find("</joint>") else { continue };
+                let end = start + length + "</joint>".len();
+                let joint = text[start..end].to_owned();
+                text.replace_range(start..end, "");
+                if !is_lost {
+                    text.insert_str(start, &joint.repeat(2));
+                }
+            }
+            _ => {}
+        }
+    }
+    changed_by_words(&text, changes)
+}
+
+fn changed_by_words(text: &str, changes: &[Change]) -> String {
     let mut words: Vec<String> =
         text.split_inclusive(['"', ' ', '<', '>', '=']).map(str::to_owned).collect();
     for change in changes.iter().filter(|_| !text.is_empty()) {
@@ -84,9 +164,20 @@ fn changed(text: &str, changes: &[Change]) -> String {
                     .collect();
                 words[at] = format!("{word}{ending}");
             }
+            _ => {}
         }
     }
     words.concat()
+}
+
+fn config() -> ProptestConfig {
+    let many = std::env::var(MANY).map(|n| n.parse().expect("a number of documents"));
+    ProptestConfig {
+        cases: many.unwrap_or(128),
+        rng_seed: RngSeed::Fixed(1),
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    }
 }
 
 /// With an arm, its poses are finite; without one, the message names a line, a link or a joint.
@@ -96,7 +187,11 @@ fn check(
     tip: Option<&str>,
     mesh: &[u8],
 ) -> Result<(), TestCaseError> {
-    match Robot::from_urdf(urdf, srdf, tip, &|_| Some(mesh.to_vec())) {
+    let start = Instant::now();
+    let found = Robot::from_urdf(urdf, srdf, tip, &|_| Some(mesh.to_vec()));
+    let seconds = start.elapsed().as_secs_f32();
+    prop_assert!(std::env::var_os(MANY).is_none() || seconds < LONGEST, "{seconds} s: {urdf}");
+    match found {
         Ok(chain) => {
             prop_assert!((1..=MAX_JOINTS).contains(&chain.dof()));
             prop_assert!(chain.grip_f64(&chain.middle()).is_finite());
@@ -121,7 +216,7 @@ fn check(
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 128, rng_seed: RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(config())]
 
     #[test]
     fn changed_documents_are_an_arm_or_a_message(

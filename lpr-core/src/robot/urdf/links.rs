@@ -3,6 +3,7 @@
 use super::description::{Collision, Description, Shape};
 use super::{Place, UrdfOptions};
 use crate::error::{Error, Result};
+use crate::in_order::map_in_order;
 use crate::robot::fit;
 use crate::robot::link::{Link, moved};
 use crate::robot::mesh::MeshReader;
@@ -30,6 +31,14 @@ pub(super) fn links(
         )));
     }
     let overshoot = options.overshoot.map_or(fit::OVERSHOOT, f64::from);
+    let mut leave_out = |link: &str, reason: String| {
+        let message = format!("link {}, {reason}", quoted(link));
+        if !options.ignore_missing_meshes {
+            return Err(Error::Robot(message));
+        }
+        warnings.push(format!("{message}: it is left out"));
+        Ok(())
+    };
     let mut links = Vec::with_capacity(places.len());
     for (link, place) in description.links.iter().zip(places) {
         let mut found = Link {
@@ -43,14 +52,6 @@ pub(super) fn links(
             solids: Vec::new(),
             is_exact: false,
         };
-        let mut leave_out = |reason: String| {
-            let message = format!("link {}, {reason}", quoted(&link.name));
-            if !options.ignore_missing_meshes {
-                return Err(Error::Robot(message));
-            }
-            warnings.push(format!("{message}: it is left out"));
-            Ok(())
-        };
         for Collision { link_from_solid, shape } in &link.collisions {
             if options.without_geometry {
                 break;
@@ -62,30 +63,49 @@ pub(super) fn links(
             let body_from_solid = place.body_from_link * *link_from_solid;
             match read {
                 Ok(solid) => found.solids.push(PlacedSolid { body_from_solid, solid }),
-                Err(reason) => leave_out(reason)?,
+                Err(reason) => leave_out(&link.name, reason)?,
             }
         }
         // Spheres serve what moves, and what they are exact for.
         found.is_exact = place.body == 0
             && found.solids.iter().all(|placed| placed.solid.is_convex())
             && found.solids.iter().any(|placed| !matches!(placed.solid, Solid::Ball { .. }));
-        let solids = core::mem::take(&mut found.solids);
-        for placed in solids {
-            let cover = if found.is_exact {
-                fit::cover_by_few(&placed.solid)
-            } else {
-                fit::cover(&placed.solid, overshoot)
-            };
-            match cover {
-                Ok(cover) => {
-                    found.spheres.extend(moved(&cover.spheres, &placed.body_from_solid));
-                    found.overshoot = found.overshoot.max(cover.overshoot);
-                    found.solids.push(placed);
-                }
-                Err(reason) => leave_out(reason)?,
-            }
-        }
         links.push(found);
     }
+    cover(&mut links, overshoot, &mut leave_out)?;
     Ok(links)
+}
+
+/// The spheres of the links.
+fn cover(
+    links: &mut [Link],
+    overshoot: f64,
+    leave_out: &mut impl FnMut(&str, String) -> Result<()>,
+) -> Result<()> {
+    let solids: Vec<(&PlacedSolid, bool)> = links
+        .iter()
+        .flat_map(|link| link.solids.iter().map(|placed| (placed, link.is_exact)))
+        .collect();
+    let covers = map_in_order(solids.len(), |i| {
+        let (placed, is_exact) = solids[i];
+        if is_exact {
+            fit::cover_by_few(&placed.solid)
+        } else {
+            fit::cover(&placed.solid, overshoot)
+        }
+    });
+    let mut covers = covers.into_iter();
+    for link in links {
+        for placed in core::mem::take(&mut link.solids) {
+            match covers.next().expect("one for each solid") {
+                Ok(cover) => {
+                    link.spheres.extend(moved(&cover.spheres, &placed.body_from_solid));
+                    link.overshoot = link.overshoot.max(cover.overshoot);
+                    link.solids.push(placed);
+                }
+                Err(reason) => leave_out(&link.name, reason)?,
+            }
+        }
+    }
+    Ok(())
 }

@@ -3,9 +3,10 @@
 
 use super::demonstrate;
 use crate::env::{Environment as _, StepResult};
+use crate::in_order::map_in_order;
 use crate::path::{
     CandidatePath, CandidateSet, CandidateSettings, CandidateStreams, PathQuery, Source,
-    candidates, linear_candidate, map_in_order,
+    candidates, linear_candidate,
 };
 use crate::q_attention::NextBestPose;
 use crate::rng::{Stream, stream};

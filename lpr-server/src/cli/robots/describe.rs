@@ -6,7 +6,7 @@ use core::fmt;
 use lpr_core::glamx::Vec3;
 use lpr_core::rng::{Stream, stream};
 use lpr_core::robot::{Described, Joint, JointMotion, Robot};
-use lpr_core::scene::Overlap;
+use lpr_core::scene::{Overlap, OverlapKind};
 use serde::Serialize;
 use std::collections::BTreeSet;
 
@@ -78,17 +78,18 @@ struct LinkRow {
 struct Pairs {
     tested: usize,
     allowed: usize,
-    /// Of the allowed ones, those that touch at rest or nearly always, or never but as spheres.
+    /// Those that touch at rest or nearly always, or never but as spheres, all allowed; and those
+    /// that are tested by their geometry where their spheres touch.
     touching: Vec<TouchingRow>,
 }
 
 #[derive(Debug, Serialize)]
 struct TouchingRow {
     links: [String; 2],
+    /// Share of the configurations in which their spheres touch.
     share: f32,
-    at_rest: bool,
-    /// Touching as spheres alone.
-    never: bool,
+    /// `at rest`, `always`, `never` (but as spheres) or `close` (tested by their geometry).
+    kind: &'static str,
 }
 
 #[derive(Debug, Serialize)]
@@ -159,8 +160,12 @@ fn touching(robot: &Robot, overlap: &Overlap) -> TouchingRow {
     TouchingRow {
         links: [name(overlap.pair.0), name(overlap.pair.1)],
         share: overlap.share,
-        at_rest: overlap.at_rest,
-        never: overlap.never,
+        kind: match overlap.kind {
+            OverlapKind::AtRest => "at rest",
+            OverlapKind::NearlyAlways => "always",
+            OverlapKind::Never => "never",
+            OverlapKind::Close => "close",
+        },
     }
 }
 
@@ -207,14 +212,15 @@ impl fmt::Display for Description {
             writeln!(f, "{name:<32}{spheres:>8}{overshoot:>14}")?;
         }
         writeln!(f, "\n{} pairs of links are tested, {} are not", pairs.tested, pairs.allowed)?;
-        for TouchingRow { links: [a, b], share, at_rest, never } in &pairs.touching {
-            let rest = if *at_rest { "at rest, and " } else { "" };
-            let spheres = if *never { ", but only as spheres" } else { "" };
+        for TouchingRow { links: [a, b], share, kind } in &pairs.touching {
+            let found = match *kind {
+                "at rest" => "they touch at rest",
+                "always" => "they touch nearly always",
+                "never" => "they never touch",
+                _ => "tested by their geometry",
+            };
             let percent = 100.0 * share;
-            writeln!(
-                f,
-                "  {a} and {b}: they touch {rest}in {percent:.1} % of configurations{spheres}"
-            )?;
+            writeln!(f, "  {a} and {b}: {found}; as spheres in {percent:.1} % of configurations")?;
         }
         writeln!(
             f,

@@ -3,6 +3,7 @@
 use super::super::arm::FileArm;
 use super::super::failure::Result;
 use crate::files;
+use lpr_core::scene::OverlapKind;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -26,13 +27,13 @@ fn text(FileArm { described, overlaps }: &FileArm) -> String {
         let found = overlaps.iter().find(|overlap| overlap.pair == (a, b));
         // The words of the set-up assistant of MoveIt.
         let is_adjacent = robot.links[a].body.abs_diff(robot.links[b].body) <= 1;
-        let reason = match found {
-            Some(overlap) if overlap.at_rest => "Default",
-            Some(overlap) if overlap.never => "Never",
-            Some(_) => "Always",
+        let reason = match found.map(|overlap| overlap.kind) {
+            Some(OverlapKind::AtRest) => "Default",
+            Some(OverlapKind::NearlyAlways) => "Always",
+            Some(OverlapKind::Never) => "Never",
             None if is_adjacent => "Adjacent",
             // As the SRDF says that was given.
-            None => "User",
+            None | Some(OverlapKind::Close) => "User",
         };
         let (a, b) = (name(a), name(b));
         // Writing to a string does not fail.

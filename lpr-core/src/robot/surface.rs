@@ -1,6 +1,6 @@
-//! Boxes and cylinders as triangles.
+//! Solids as triangles.
 
-use super::Triangle;
+use super::mesh::Triangle;
 use core::f64::consts::{PI, TAU};
 use glamx::DVec3;
 
@@ -37,4 +37,25 @@ pub(super) fn cylinder(radius: f64, half_length: f64) -> (Vec<Triangle>, f64) {
     };
     let gap = radius * (1.0 - libm::cos(PI / N_SIDES as f64));
     ((0..N_SIDES).flat_map(side).collect(), gap)
+}
+
+/// The points within a radius of the segment ±`half_length` along z, from within: no further away
+/// than 0.5 % of the radius.
+#[cfg(feature = "hulls")]
+pub(super) fn capsule(radius: f64, half_length: f64) -> Vec<Triangle> {
+    /// Rings of each end.
+    const N_RINGS: usize = N_SIDES / 4;
+    let corner = |ring: usize, i: usize| {
+        let (sin_up, cos_up) = libm::sincos(PI * ring as f64 / (2 * N_RINGS) as f64);
+        let (sin, cos) = libm::sincos(TAU * i as f64 / N_SIDES as f64);
+        let middle = if ring < N_RINGS { half_length } else { -half_length };
+        DVec3::new(radius * sin_up * cos, radius * sin_up * sin, middle + radius * cos_up)
+    };
+    let patch = |(ring, i): (usize, usize)| {
+        let [a, b] = [corner(ring, i), corner(ring, i + 1)];
+        let [c, d] = [corner(ring + 1, i), corner(ring + 1, i + 1)];
+        [[a, b, c], [b, d, c]]
+    };
+    let patches = (0..2 * N_RINGS).flat_map(|ring| (0..N_SIDES).map(move |i| (ring, i)));
+    patches.flat_map(patch).collect()
 }
