@@ -77,9 +77,10 @@ page: www/node_modules
 	lpr-wasm/build.sh
 	cd www && npm run build
 
-# Planning alone in wasm, in lpr-wasm/pkg.
+# Planning alone in wasm, in lpr-wasm/pkg; with arms from files, in lpr-wasm/pkg-files.
 planner:
 	lpr-wasm/build.sh plan
+	lpr-wasm/build.sh files
 
 www/node_modules: www/package-lock.json
 	cd www && npm ci --ignore-scripts --no-audit --no-fund

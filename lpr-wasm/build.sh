@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Builds lpr-wasm: the module, then its JavaScript with wasm-bindgen. For the page into www/src/wasm; the planner alone, without
-# networks and simulator, into lpr-wasm/pkg.
-# Usage: lpr-wasm/build.sh [page|plan] [directory for build products, default target-wasm].
+# networks and simulator, into lpr-wasm/pkg; the same with arms from URDF files into lpr-wasm/pkg-files.
+# Usage: lpr-wasm/build.sh [page|plan|files] [directory for build products, default target-wasm].
 set -euo pipefail
 cd "$(dirname "$0")/.."
 source lpr-wasm/toolchain.sh
@@ -14,6 +14,11 @@ case ${1:-} in
         shift
         out=lpr-wasm/pkg
         selection=(--no-default-features --features planners)
+        ;;
+    files)
+        shift
+        out=lpr-wasm/pkg-files
+        selection=(--no-default-features --features planners,files)
         ;;
 esac
 target_dir=${1:-${LPR_WASM_TARGET_DIR:-target-wasm}}

@@ -1,12 +1,14 @@
 //! Functions for JavaScript: a thin wasm-bindgen shell over [`lpr_core`].
 //!
-//! Everything that it does is plain Rust that is tested natively: [`planner`], [`trajectory`] and,
-//! with the feature `page`, [`demo`] and [`check`]. The shell turns values into what JavaScript
+//! Everything that it does is plain Rust that is tested natively: [`planner`], [`trajectory`], with the
+//! feature `files` [`arm_file`] and, with the feature `page`, [`demo`] and [`check`]. The shell turns values into what JavaScript
 //! takes: typed arrays for poses, JSON for the rest.
 //!
 //! Without the feature `page` it is a planner alone, without networks and simulator:
-//! `lpr-wasm/build.sh plan`.
+//! `lpr-wasm/build.sh plan`, and `files` with arms from URDF files.
 
+#[cfg(feature = "files")]
+pub mod arm_file;
 #[cfg(feature = "page")]
 pub mod check;
 #[cfg(feature = "page")]
@@ -91,6 +93,58 @@ impl Planner {
     /// As there, and when the JSON is none.
     pub fn trajectory(&self, request: &str) -> Result<String, JsError> {
         json(&self.0.trajectory(&serde_json::from_str(request)?)?)
+    }
+}
+
+/// An arm from a URDF file: [`arm_file::ArmFile`].
+#[cfg(feature = "files")]
+#[derive(Debug)]
+#[wasm_bindgen]
+pub struct ArmFile(arm_file::ArmFile);
+
+#[cfg(feature = "files")]
+#[wasm_bindgen]
+impl ArmFile {
+    /// The bytes of the file, and [`arm_file::ArmOptions`] as JSON.
+    ///
+    /// # Errors
+    ///
+    /// As [`arm_file::ArmFile::new`], and when the JSON is none.
+    #[wasm_bindgen(constructor)]
+    pub fn new(urdf: &[u8], options: &str) -> Result<Self, JsError> {
+        Ok(Self(arm_file::ArmFile::new(urdf, serde_json::from_str(options)?)?))
+    }
+
+    /// [`arm_file::ArmFile::mesh_names`] as JSON.
+    ///
+    /// # Errors
+    ///
+    /// As there.
+    pub fn mesh_names(&self) -> Result<String, JsError> {
+        json(&self.0.mesh_names()?)
+    }
+
+    /// [`arm_file::ArmFile::add_mesh`].
+    pub fn add_mesh(&mut self, name: &str, bytes: Vec<u8>) {
+        self.0.add_mesh(name, bytes);
+    }
+
+    /// [`arm_file::ArmFile::summary`] as JSON.
+    ///
+    /// # Errors
+    ///
+    /// As there.
+    pub fn summary(&self) -> Result<String, JsError> {
+        json(&self.0.summary()?)
+    }
+
+    /// A planner of the arm among [`planner::Obstacles`] as JSON.
+    ///
+    /// # Errors
+    ///
+    /// As [`arm_file::ArmFile::planner`], and when the JSON is none.
+    pub fn planner(&self, obstacles: &str) -> Result<Planner, JsError> {
+        Ok(Planner(self.0.planner(&serde_json::from_str(obstacles)?)?))
     }
 }
 

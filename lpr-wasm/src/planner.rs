@@ -155,7 +155,15 @@ impl Planner {
     /// When there is no such robot, an obstacle has no place in the world or no size, or there are
     /// over two million points.
     pub fn new(robot: &str, obstacles: &Obstacles) -> Result<Self> {
-        let robot = Robot::by_name(robot)?;
+        Self::of(Robot::by_name(robot)?, obstacles)
+    }
+
+    /// An arm among `obstacles`; of a cloud, one point for every cube of 1 cm.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::new`].
+    pub(crate) fn of(robot: Arc<Robot>, obstacles: &Obstacles) -> Result<Self> {
         if obstacles.points.len() > MAX_POINTS {
             return Err(Error::Environment(format!(
                 "points: at most {MAX_POINTS}, found {}",
@@ -172,7 +180,11 @@ impl Planner {
         });
         let scene = Scene::from_primitives(solids.collect::<Result<_>>()?);
         let scene = scene.with_points(&downsample(&obstacles.points, VOXEL), POINT_RADIUS);
-        Ok(Self { arm: ArmSpheres::new(&robot), robot, scene })
+        let arm = match robot.gripper {
+            Some(_) => ArmSpheres::new(&robot),
+            None => ArmSpheres::from_description(&robot)?,
+        };
+        Ok(Self { robot, arm, scene })
     }
 
     pub(crate) const fn robot(&self) -> &Arc<Robot> {
@@ -188,13 +200,13 @@ impl Planner {
     ///
     /// # Errors
     ///
-    /// When start or goal are no numbers, or over a thousand configurations are asked for.
+    /// When start or goal are no numbers of the arm, or over a thousand configurations are asked for.
     pub fn configurations(&self, request: &Request, n: usize) -> Result<Vec<JointConfig>> {
         if n > MAX_CONFIGURATIONS {
             return Err(Error::Config(format!("n: at most {MAX_CONFIGURATIONS}, got {n}")));
         }
         let rng = &mut stream(u64::from(request.seed), Stream::Ik, 0);
-        let (start, goal) = (request.start()?, request.goal()?);
+        let (start, goal) = (request.start(&self.robot)?, request.goal()?);
         Ok(self.robot.ik_distinct(&goal, n, CANDIDATES.min_goal_distance, &start, rng))
     }
 
@@ -202,9 +214,9 @@ impl Planner {
     ///
     /// # Errors
     ///
-    /// When start or goal are no numbers.
+    /// When start or goal are no numbers of the arm.
     pub fn plan(&self, request: &Request) -> Result<Outcome> {
-        let start = request.start()?;
+        let start = request.start(&self.robot)?;
         let goals = self.configurations(request, CANDIDATES.planner_paths)?;
         let checker = self.checker(PLANNER.checks_per_radian);
         let rng = &mut stream(u64::from(request.seed), Stream::Planner, 0);
@@ -226,9 +238,9 @@ impl Planner {
     ///
     /// # Errors
     ///
-    /// When start or goal are no numbers.
+    /// When start or goal are no numbers of the arm.
     pub fn candidates(&self, request: &Request) -> Result<Candidates> {
-        let (start, goal) = (request.start()?, request.goal()?);
+        let (start, goal) = (request.start(&self.robot)?, request.goal()?);
         let query = PathQuery { robot: &self.robot, start, goal, scene: &self.scene };
         let set = candidates(
             &query,
@@ -243,9 +255,11 @@ impl Planner {
 }
 
 impl Request {
-    fn start(&self) -> Result<JointConfig> {
-        let broken = || Error::Config("start: finite joint angles expected".to_owned());
-        self.start.is_finite().then_some(self.start).ok_or_else(broken)
+    fn start(&self, robot: &Robot) -> Result<JointConfig> {
+        let dof = robot.dof();
+        let broken = || Error::Config(format!("start: {dof} joints expected, with finite angles"));
+        let is_sound = self.start.is_finite() && self.start.dof() == dof;
+        is_sound.then_some(self.start).ok_or_else(broken)
     }
 
     fn goal(&self) -> Result<Pose3> {
@@ -380,6 +394,10 @@ mod tests {
             planner.plan(&request).unwrap_err().to_string()
         };
         assert!(broken(|request| request.start[2] = f32::INFINITY).contains("start"));
+        assert!(
+            broken(|request| request.start = JointConfig::new([0.0; 4]))
+                .contains("7 joints expected")
+        );
         assert!(broken(|request| request.goal.position.x = f32::NAN).contains("goal"));
         assert!(
             broken(|request| request.goal.rotation_xyzw = Quat::from_xyzw(0.0, 0.0, 0.0, 0.0))

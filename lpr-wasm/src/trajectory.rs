@@ -1,9 +1,9 @@
 //! A path made a motion in time, as fast as the arm may.
 
-use crate::planner::Planner;
+use crate::planner::{Planner, TIMING};
 use lpr_core::error::{Error, Result};
 use lpr_core::path::{GripSpeedLimit, JointPath, MotionLimits, SmoothPath, time_optimal};
-use lpr_core::robot::{DOF, JointConfig, Robot};
+use lpr_core::robot::{DOF, JointConfig, MAX_JOINTS, Robot};
 use serde::{Deserialize, Serialize};
 
 /// Most moments that may be asked for: seven minutes at 4 ms.
@@ -43,38 +43,55 @@ pub struct TimedTrajectory {
     pub collides: bool,
     /// Moments, seconds: 0, `period`, …, and the end.
     pub times: Vec<f64>,
-    /// Joint angles at each, radians.
-    pub angles: Vec<[f64; DOF]>,
-    /// Joint velocities at each, rad/s.
-    pub velocities: Vec<[f64; DOF]>,
+    /// Joint angles at each, radians; metres of sliding joints.
+    pub angles: Vec<Vec<f64>>,
+    /// Joint velocities at each, rad/s or m/s.
+    pub velocities: Vec<Vec<f64>>,
 }
 
 impl TrajectoryRequest {
-    fn limits(&self, robot: &Robot) -> Result<MotionLimits> {
+    fn limits<const N: usize>(&self, robot: &Robot) -> Result<MotionLimits<N>> {
         if !(self.speed > 0.0 && self.speed <= 1.0) {
             return Err(Error::Config(format!("speed: above 0 to 1, got {}", self.speed)));
         }
-        Ok(MotionLimits {
-            velocity: core::array::from_fn(|j| {
-                self.speed * f64::from(robot.joints[j].max_velocity)
-            }),
-            acceleration: core::array::from_fn(|j| {
-                self.speed * f64::from(robot.joints[j].max_acceleration)
-            }),
-            jerk: self.max_jerk.map(|jerk| [jerk; DOF]),
-        })
+        // Joints that there are not stay where they are.
+        let (mut velocity, mut acceleration) = ([1.0; N], [1.0; N]);
+        for (j, joint) in robot.joints.iter().enumerate() {
+            let known = Some(joint.max_acceleration).filter(|limit| limit.is_finite());
+            velocity[j] = self.speed * f64::from(joint.max_velocity);
+            acceleration[j] = self.speed * f64::from(known.unwrap_or(TIMING.max_acceleration));
+        }
+        Ok(MotionLimits { velocity, acceleration, jerk: self.max_jerk.map(|jerk| [jerk; N]) })
     }
 }
 
 impl Planner {
-    /// The fastest motion along a path within the limits.
+    /// The fastest motion along a path within the limits; a joint without one of its acceleration has
+    /// that of [`TIMING`].
     ///
     /// # Errors
     ///
-    /// When the path has fewer than two configurations or one that is no number, is over 1000 rad
+    /// When the path is of another number of joints, has fewer than two configurations or one that is no number, is over 1000 rad
     /// long, a limit is none, or there are over 100,000 moments.
     pub fn trajectory(&self, request: &TrajectoryRequest) -> Result<TimedTrajectory> {
-        let curve = SmoothPath::through(&JointPath::new(request.path.clone())?);
+        let path = JointPath::new(request.path.clone())?;
+        let (found, expected) = (path.start().dof(), self.robot().dof());
+        if found != expected {
+            return Err(Error::Config(format!("path: {expected} joints expected, found {found}")));
+        }
+        if expected <= DOF {
+            self.timed::<DOF>(&path, request)
+        } else {
+            self.timed::<MAX_JOINTS>(&path, request)
+        }
+    }
+
+    fn timed<const N: usize>(
+        &self,
+        path: &JointPath,
+        request: &TrajectoryRequest,
+    ) -> Result<TimedTrajectory> {
+        let curve = SmoothPath::<N>::through(path);
         if curve.chord_length() > MAX_LENGTH {
             return Err(Error::Config(format!(
                 "path: at most {MAX_LENGTH} rad long, got {}",
@@ -99,19 +116,23 @@ impl Planner {
             deviation: curve.deviation(),
             collides: self.collides_on(&curve),
             times,
-            angles: states.iter().map(|state| state.angles).collect(),
-            velocities: states.iter().map(|state| state.velocities).collect(),
+            angles: states.iter().map(|state| self.of_joints(&state.angles)).collect(),
+            velocities: states.iter().map(|state| self.of_joints(&state.velocities)).collect(),
         })
     }
 
-    fn collides_on(&self, curve: &SmoothPath) -> bool {
+    /// The numbers of the joints that there are.
+    fn of_joints(&self, numbers: &[f64]) -> Vec<f64> {
+        numbers[..self.robot().dof()].to_vec()
+    }
+
+    fn collides_on<const N: usize>(&self, curve: &SmoothPath<N>) -> bool {
         let n_steps = (curve.chord_length() * CHECKS_PER_RADIAN).ceil().max(1.0);
         let at = |step: u32| {
-            curve
-                .angles_at(curve.chord_length() * f64::from(step) / n_steps)
-                .map(|angle| angle as f32)
+            let angles = curve.angles_at(curve.chord_length() * f64::from(step) / n_steps);
+            JointConfig::from_fn(self.robot().dof(), |j| angles[j] as f32)
         };
-        let configs: Vec<_> = (0..=n_steps as u32).map(|step| JointConfig::new(at(step))).collect();
+        let configs: Vec<_> = (0..=n_steps as u32).map(at).collect();
         !self.checker(CHECKS_PER_RADIAN as f32).path_is_free(&configs)
     }
 }
@@ -149,7 +170,7 @@ mod tests {
         assert!(!found.collides && found.deviation < 1e-6, "the path is straight");
         assert_eq!((found.times[0], *found.times.last().unwrap()), (0.0, found.seconds));
         assert!((found.angles[0][0] - f64::from(turned(-0.5)[0])).abs() < 1e-6);
-        assert_eq!([found.velocities[0], *found.velocities.last().unwrap()], [[0.0; DOF]; 2]);
+        assert_eq!([&found.velocities[0], found.velocities.last().unwrap()], [&[0.0; DOF]; 2]);
         let fastest = found.velocities.iter().map(|velocity| velocity[0].abs()).fold(0.0, f64::max);
         let grip = XARM7.grip(&XARM7.start).translation;
         assert!(
@@ -187,6 +208,10 @@ mod tests {
         };
         assert!(refusal(|request| request.path.truncate(1)).contains("path"));
         assert!(refusal(|request| request.path[1][3] = f32::NAN).contains("path"));
+        let short = |request: &mut TrajectoryRequest| {
+            request.path = vec![JointConfig::new([0.0; 4]), JointConfig::new([1.0; 4])];
+        };
+        assert!(refusal(short).contains("path: 7 joints expected, found 4"));
         assert!(
             refusal(|request| (request.path[1][3], request.period) = (1e30, 1e30))
                 .contains("path: at most 1000 rad")
