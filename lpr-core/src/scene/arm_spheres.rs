@@ -47,8 +47,10 @@ pub struct ArmSpheres {
     pub(super) groups: Vec<LinkGroup>,
     /// Pairs of indices into the links that are tested against each other by their spheres.
     pub(super) self_pairs: Vec<(usize, usize)>,
-    /// The same, those of two groups together.
-    pub(super) group_pairs: Vec<GroupPair>,
+    /// The same, of links that are groups by themselves.
+    pub(super) lone_pairs: Vec<GroupPair<(usize, usize)>>,
+    /// The others, those of two groups together.
+    pub(super) group_pairs: Vec<GroupPair<Vec<(usize, usize)>>>,
     /// Those that are tested by their geometry where their spheres touch.
     pub(super) close_pairs: Vec<ClosePair>,
     /// Links of the base whose geometry is tested instead of their spheres.
@@ -57,13 +59,13 @@ pub struct ArmSpheres {
     pub(super) reaches: Vec<Reach>,
 }
 
-/// Two groups of which some links are tested against each other.
+/// Two groups of which links are tested against each other.
 #[derive(Debug, Clone)]
-pub(super) struct GroupPair {
+pub(super) struct GroupPair<L> {
     /// Indices of the groups.
     pub(super) groups: (usize, usize),
-    /// Indices of the links.
-    pub(super) links: Vec<(usize, usize)>,
+    /// Indices of the links: one pair, or several.
+    pub(super) links: L,
 }
 
 /// Links of the base as solids.
@@ -133,6 +135,7 @@ impl ArmSpheres {
             links: order.iter().map(|&i| LinkSpheres::of(&chain.links[i], i)).collect(),
             reaches: Vec::new(),
             groups: Vec::new(),
+            lone_pairs: Vec::new(),
             group_pairs: Vec::new(),
         };
         arm.fix(order.iter().map(|&i| &chain.links[i]));
@@ -206,10 +209,14 @@ impl ArmSpheres {
     /// Groups the links, and their pairs in their order.
     fn group(&mut self) {
         self.groups = LinkGroup::of(&self.links);
+        (self.lone_pairs, self.group_pairs) = (Vec::new(), Vec::new());
         let group = |link: usize| self.groups.iter().position(|it| it.bits >> link & 1 == 1);
-        self.group_pairs.clear();
         for &(a, b) in &self.self_pairs {
             let groups = group(a).zip(group(b)).expect("every link is in a group");
+            if self.groups[groups.0].is_single() && self.groups[groups.1].is_single() {
+                self.lone_pairs.push(GroupPair { groups, links: (a, b) });
+                continue;
+            }
             match self.group_pairs.iter_mut().find(|it| it.groups == groups) {
                 Some(pair) => pair.links.push((a, b)),
                 None => self.group_pairs.push(GroupPair { groups, links: vec![(a, b)] }),

@@ -191,28 +191,36 @@ fn meets_itself<S: Simd>(
     frames: &[Frames<S>],
     bounds: &[Vec3s<S>],
 ) -> bool {
-    for near in &arm.group_pairs {
-        let (group_a, group_b) = (&arm.groups[near.groups.0], &arm.groups[near.groups.1]);
-        let (bound_a, bound_b) = (bounds[near.groups.0], bounds[near.groups.1]);
-        if !overlap(bound_a, group_a.bound.radius, bound_b, group_b.bound.radius) {
-            continue;
+    for pair in &arm.lone_pairs {
+        let ((group_a, group_b), (a, b)) = (pair.groups, pair.links);
+        let (link_a, link_b) = (&arm.links[a], &arm.links[b]);
+        if overlap(bounds[group_a], link_a.bound.radius, bounds[group_b], link_b.bound.radius)
+            && (links >> a | links >> b) & 1 == 1
+            && links_meet(
+                simd,
+                (link_a, &frames[link_a.body]),
+                (link_b, &frames[link_b.body]),
+                bounds[group_b],
+            )
+        {
+            return true;
         }
-        for &(a, b) in &near.links {
-            let (link_a, link_b) = (&arm.links[a], &arm.links[b]);
-            let (frame_a, frame_b) = (&frames[link_a.body], &frames[link_b.body]);
-            if (links >> a | links >> b) & 1 == 1
-                && links_meet(simd, (link_a, frame_a), (link_b, frame_b))
-            {
-                return true;
+    }
+    for pair in &arm.group_pairs {
+        let (group_a, group_b) = (&arm.groups[pair.groups.0], &arm.groups[pair.groups.1]);
+        let (bound_a, bound_b) = (bounds[pair.groups.0], bounds[pair.groups.1]);
+        if overlap(bound_a, group_a.bound.radius, bound_b, group_b.bound.radius) {
+            for &pair in &pair.links {
+                if pair_meets(simd, arm, links, frames, pair) {
+                    return true;
+                }
             }
         }
     }
     for pair in &arm.close_pairs {
         let (a, b) = pair.links;
-        let (link_a, link_b) = (&arm.links[a], &arm.links[b]);
-        let (frame_a, frame_b) = (&frames[link_a.body], &frames[link_b.body]);
-        if (links >> a | links >> b) & 1 == 1
-            && links_meet(simd, (link_a, frame_a), (link_b, frame_b))
+        let (frame_a, frame_b) = (&frames[arm.links[a].body], &frames[arm.links[b].body]);
+        if pair_meets(simd, arm, links, frames, pair.links)
             && (0..Floats::<S>::LEN)
                 .any(|lane| pair.meets(&arm.links, (&frame_a.lane(lane), &frame_b.lane(lane))))
         {
@@ -222,16 +230,32 @@ fn meets_itself<S: Simd>(
     false
 }
 
+/// The links by their own bounds.
+#[inline(always)]
+fn pair_meets<S: Simd>(
+    simd: S,
+    arm: &ArmSpheres,
+    links: LinkBits,
+    frames: &[Frames<S>],
+    (a, b): (usize, usize),
+) -> bool {
+    if (links >> a | links >> b) & 1 == 0 {
+        return false;
+    }
+    let (a, b) = (&arm.links[a], &arm.links[b]);
+    let (frame_a, frame_b) = (&frames[a.body], &frames[b.body]);
+    let (bound_a, bound_b) = (frame_a.point(a.bound.center), frame_b.point(b.bound.center));
+    overlap(bound_a, a.bound.radius, bound_b, b.bound.radius)
+        && links_meet(simd, (a, frame_a), (b, frame_b), bound_b)
+}
+
 #[inline(always)]
 fn links_meet<S: Simd>(
     simd: S,
     (a, frame_a): (&LinkSpheres, &Frames<S>),
     (b, frame_b): (&LinkSpheres, &Frames<S>),
+    bound_b: Vec3s<S>,
 ) -> bool {
-    let bound_b = frame_b.point(b.bound.center);
-    if !overlap(frame_a.point(a.bound.center), a.bound.radius, bound_b, b.bound.radius) {
-        return false;
-    }
     for cluster in &a.clusters {
         let center = frame_a.point(cluster.bound.center);
         if overlap(center, cluster.bound.radius, bound_b, b.bound.radius) {

@@ -4,8 +4,9 @@
 //! one look-up.
 
 use super::frames::{Frames, MAX_WIDTH};
-use super::link_spheres::LinkSpheres;
+use super::link_spheres::Links;
 use crate::lanes::{Floats, Vec3s};
+use crate::robot::Sphere;
 use fearless_simd::{Simd, SimdBase as _, SimdFloat as _, SimdMask as _};
 use glamx::Vec3;
 
@@ -145,19 +146,22 @@ impl PointCloud {
     /// True if in any lane a sphere of one of `links`, around which is a bounding sphere of that
     /// radius with its centre at `bound`, meets the ball of a point.
     #[inline(always)]
-    pub(super) fn meet<'a, S: Simd>(
+    pub(super) fn meet<S: Simd>(
         &self,
         simd: S,
-        links: impl Iterator<Item = &'a LinkSpheres>,
+        links: Links<'_>,
         frame: &Frames<S>,
         (bound, radius): (Vec3s<S>, f32),
     ) -> bool {
         if self.points.is_empty() || self.perhaps_near(simd, bound, radius) == 0 {
             return false;
         }
-        for cluster in links.flat_map(|link| &link.clusters) {
-            if self.perhaps_near(simd, frame.point(cluster.bound.center), cluster.bound.radius) != 0
-            {
+        for link in links {
+            for cluster in &link.clusters {
+                let Sphere { center, radius } = cluster.bound;
+                if self.perhaps_near(simd, frame.point(center), radius) == 0 {
+                    continue;
+                }
                 for sphere in &cluster.spheres {
                     let center = frame.point(sphere.center);
                     let lanes = self.perhaps_near(simd, center, sphere.radius);

@@ -67,17 +67,29 @@ impl LinkGroup {
 
     /// The links of the group that are in `bits`.
     #[inline(always)]
-    pub(super) fn links<'a>(
-        &self,
-        arm: &'a [LinkSpheres],
-        bits: LinkBits,
-    ) -> impl Iterator<Item = &'a LinkSpheres> {
-        let mut left = bits & self.bits;
-        core::iter::from_fn(move || {
-            let idx = left.trailing_zeros() as usize;
-            left &= left.wrapping_sub(1);
-            arm.get(idx)
-        })
+    pub(super) const fn links<'a>(&self, arm: &'a [LinkSpheres], bits: LinkBits) -> Links<'a> {
+        Links { arm, left: bits & self.bits }
+    }
+}
+
+/// Links by their bits. A type of its own, since a closure is not inlined in code for wide vectors.
+#[derive(Clone)]
+pub(super) struct Links<'a> {
+    arm: &'a [LinkSpheres],
+    left: LinkBits,
+}
+
+impl<'a> Iterator for Links<'a> {
+    type Item = &'a LinkSpheres;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<&'a LinkSpheres> {
+        if self.left == 0 {
+            return None;
+        }
+        let idx = self.left.trailing_zeros() as usize;
+        self.left &= self.left - 1;
+        Some(&self.arm[idx])
     }
 }
 

@@ -207,14 +207,6 @@ impl<'a> Geometries<'a> {
     }
 }
 
-impl OverlapKind {
-    /// False if the pair is tested nevertheless.
-    #[must_use]
-    pub const fn is_allowed(self) -> bool {
-        !matches!(self, Self::Close)
-    }
-}
-
 impl Robot {
     /// Allows those pairs to touch, or has them tested by their geometry.
     pub fn allow(&mut self, overlaps: &[Overlap]) {

@@ -139,8 +139,9 @@ fn each_by_itself(arm: &ArmSpheres) -> ArmSpheres {
         bound: link.bound,
     };
     alone.groups = arm.links.iter().enumerate().map(group).collect();
-    let pairs = arm.self_pairs.iter();
-    alone.group_pairs = pairs.map(|&pair| GroupPair { groups: pair, links: vec![pair] }).collect();
+    let lone = |&pair: &(usize, usize)| GroupPair { groups: pair, links: pair };
+    alone.lone_pairs = arm.self_pairs.iter().map(lone).collect();
+    alone.group_pairs.clear();
     alone
 }
 
