@@ -1,10 +1,12 @@
 //! The part that tests share: where the workspace is, which files belong to it, and mistakes in
-//! files for tests of parsers.
+//! files for tests of parsers, few or many.
 //!
 //! No crate of the workspace is below this one, so that the unit tests of each may use it.
 
+mod fuzz;
 mod mistake;
 
+pub use fuzz::{few_or_many, in_time};
 pub use mistake::{Mistake, mistake};
 
 use std::path::{Path, PathBuf};

@@ -1,21 +1,13 @@
 //! Documents that are broken in ways nobody thought of: an arm or a message, never a panic; with
 //! `make fuzz` many of them, each within a second.
 
-#![expect(clippy::disallowed_methods, reason = "how many, and how long each takes, is the test's")]
-
 use super::tests::{ARM, SEMANTICS, snake};
 use super::*;
-use lpr_tests::mistake;
+use lpr_tests::{few_or_many, in_time, mistake};
 use proptest::prelude::*;
 use proptest::sample::Index;
 use proptest::test_runner::RngSeed;
 use std::ops::Range;
-use std::time::Instant;
-
-/// Documents of each test, if not a few.
-const MANY: &str = "LPR_FUZZ_CASES";
-/// Longest that one of many may take, seconds.
-const LONGEST: f32 = 1.0;
 
 const MESH: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
 
@@ -171,9 +163,8 @@ fn changed_by_words(text: &str, changes: &[Change]) -> String {
 }
 
 fn config() -> ProptestConfig {
-    let many = std::env::var(MANY).map(|n| n.parse().expect("a number of documents"));
     ProptestConfig {
-        cases: many.unwrap_or(128),
+        cases: few_or_many(128),
         rng_seed: RngSeed::Fixed(1),
         failure_persistence: None,
         ..ProptestConfig::default()
@@ -187,10 +178,7 @@ fn check(
     tip: Option<&str>,
     mesh: &[u8],
 ) -> Result<(), TestCaseError> {
-    let start = Instant::now();
-    let found = Robot::from_urdf(urdf, srdf, tip, &|_| Some(mesh.to_vec()));
-    let seconds = start.elapsed().as_secs_f32();
-    prop_assert!(std::env::var_os(MANY).is_none() || seconds < LONGEST, "{seconds} s: {urdf}");
+    let found = in_time(|| Robot::from_urdf(urdf, srdf, tip, &|_| Some(mesh.to_vec())));
     match found {
         Ok(chain) => {
             prop_assert!((1..=MAX_JOINTS).contains(&chain.dof()));
