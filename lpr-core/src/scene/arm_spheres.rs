@@ -2,7 +2,7 @@
 
 use super::close_pair::ClosePair;
 use super::frames::{Frame, MovingFrame, carrier};
-use super::geometry::Geometry;
+use super::geometry::Geometries;
 use super::link_spheres::{ArmPart, LinkBits, LinkGroup, LinkSpheres, MAX_LINKS};
 use super::primitive::Primitive;
 use super::reach::Reach;
@@ -118,9 +118,10 @@ impl ArmSpheres {
             let pair = (order[a].min(order[b]), order[a].max(order[b]));
             !chain.allowed_self_collisions.contains(&pair)
         };
+        let geometries = Geometries::of(chain);
         let (close, tested): (Vec<_>, Vec<_>) = pairs(order.len())
             .filter(is_tested)
-            .map(|pair| (pair, close_pair(chain, &order, pair)))
+            .map(|pair| (pair, close_pair(&geometries, chain, &order, pair)))
             .partition(|(_, close)| close.is_some());
         let mut arm = Self {
             level: Level::new(),
@@ -354,13 +355,18 @@ fn pairs(n: usize) -> impl Iterator<Item = (usize, usize)> {
 
 /// A pair of links as one of [`Robot::close_pairs`]; none of another, and where nothing is known of
 /// the geometry of one of them.
-fn close_pair(chain: &Robot, order: &[usize], pair: (usize, usize)) -> Option<ClosePair> {
+fn close_pair(
+    geometries: &Geometries<'_>,
+    chain: &Robot,
+    order: &[usize],
+    pair: (usize, usize),
+) -> Option<ClosePair> {
     let (a, b) = (order[pair.0], order[pair.1]);
     if !chain.close_pairs.contains(&(a.min(b), a.max(b))) {
         return None;
     }
-    let geometry = |link: usize| Geometry::of(&chain.links[link]);
-    Some(ClosePair::new(pair, (geometry(a)?, geometry(b)?)))
+    let (a, b) = geometries.pair(a, b)?;
+    Some(ClosePair::new(pair, (a.clone(), b.clone())))
 }
 
 fn is_broken(sphere: &Sphere) -> bool {

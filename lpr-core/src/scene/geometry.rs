@@ -1,7 +1,8 @@
 //! The geometry of the links of an arm from a file, itself: whether two links touch where their
 //! spheres do. Slow; for what is asked once of a description, and for pairs that pass closely.
 
-use crate::robot::Link;
+use crate::robot::{Link, Robot};
+use core::cell::OnceCell;
 use glamx::Pose3;
 use std::sync::Arc;
 
@@ -34,6 +35,27 @@ impl Geometry {
         world_from_other: Pose3,
     ) -> bool {
         self.0.touches(&other.0, world_from_self.inverse() * world_from_other)
+    }
+}
+
+/// The geometry of the links of an arm, each made ready once, where it is asked for.
+pub(super) struct Geometries<'a> {
+    robot: &'a Robot,
+    links: Vec<OnceCell<Option<Geometry>>>,
+}
+
+impl<'a> Geometries<'a> {
+    pub(super) fn of(robot: &'a Robot) -> Self {
+        Self { robot, links: robot.links.iter().map(|_| OnceCell::new()).collect() }
+    }
+
+    /// That of two links by their indices; none where it is not known of one of them.
+    pub(super) fn pair(&self, a: usize, b: usize) -> Option<(&Geometry, &Geometry)> {
+        self.link(a).zip(self.link(b))
+    }
+
+    fn link(&self, idx: usize) -> Option<&Geometry> {
+        self.links[idx].get_or_init(|| Geometry::of(&self.robot.links[idx])).as_ref()
     }
 }
 

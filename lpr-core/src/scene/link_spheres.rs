@@ -73,7 +73,6 @@ impl LinkGroup {
 }
 
 /// Links by their bits. A type of its own, since a closure is not inlined in code for wide vectors.
-#[derive(Clone)]
 pub(super) struct Links<'a> {
     arm: &'a [LinkSpheres],
     left: LinkBits,

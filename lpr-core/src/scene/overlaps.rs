@@ -4,12 +4,11 @@
 //! to tell; they are tested by their geometry.
 
 use super::arm_spheres::ArmSpheres;
-use super::geometry::Geometry;
+use super::geometry::Geometries;
 use super::proximity::Placed;
 use crate::error::Result;
 use crate::rng::{Stream, stream};
 use crate::robot::{JointConfig, Robot};
-use core::cell::OnceCell;
 
 /// Configurations that are drawn.
 const SAMPLES: u32 = 10_000;
@@ -113,7 +112,7 @@ pub fn overlaps(robot: &Robot) -> Result<Vec<Overlap>> {
         0.0_f32.max(robot.joints[j].lower).min(robot.joints[j].upper)
     });
     let rest = Placed::new(&arm, &rest);
-    let geometry = Geometries::of(robot);
+    let geometries = Geometries::of(robot);
     let counted = |links: (usize, usize)| {
         let at_rest = rest.touch(links.0, links.1);
         Counted { links, at_rest, n_contacts: 0, n_looks: 0, n_meets: 0 }
@@ -127,7 +126,7 @@ pub fn overlaps(robot: &Robot) -> Result<Vec<Overlap>> {
                 pair.n_contacts += 1;
                 if pair.n_looks < pair.looks(sample) {
                     pair.n_looks += 1;
-                    pair.n_meets += u32::from(geometry.touch(&placed, pair.links));
+                    pair.n_meets += u32::from(touch(&geometries, &placed, pair.links));
                 }
             }
         }
@@ -138,7 +137,7 @@ pub fn overlaps(robot: &Robot) -> Result<Vec<Overlap>> {
     let overlap = |pair: &Counted| {
         let (a, b) = (arm.link(pair.links.0).index(), arm.link(pair.links.1).index());
         let share = pair.n_contacts as f32 / SAMPLES as f32;
-        let touch_at_rest = pair.at_rest && geometry.touch(&rest, pair.links);
+        let touch_at_rest = pair.at_rest && touch(&geometries, &rest, pair.links);
         let kind = pair.kind(share, touch_at_rest)?;
         Some(Overlap { pair: (a.min(b), a.max(b)), share, kind })
     };
@@ -185,26 +184,10 @@ impl Counted {
     }
 }
 
-/// The geometry of the links of an arm, made ready where it is asked for.
-struct Geometries<'a> {
-    robot: &'a Robot,
-    links: Vec<OnceCell<Option<Geometry>>>,
-}
-
-impl<'a> Geometries<'a> {
-    fn of(robot: &'a Robot) -> Self {
-        Self { robot, links: robot.links.iter().map(|_| OnceCell::new()).collect() }
-    }
-
-    fn link(&self, idx: usize) -> Option<&Geometry> {
-        self.links[idx].get_or_init(|| Geometry::of(&self.robot.links[idx])).as_ref()
-    }
-
-    /// True if the geometry of two links touches; also where it is not known of one of them.
-    fn touch(&self, placed: &Placed<'_>, (a, b): (usize, usize)) -> bool {
-        let [(a, world_from_a), (b, world_from_b)] = [placed.body(a), placed.body(b)];
-        self.link(a).zip(self.link(b)).is_none_or(|(a, b)| a.touches(world_from_a, b, world_from_b))
-    }
+/// True if the geometry of two links touches; also where it is not known of one of them.
+fn touch(geometries: &Geometries<'_>, placed: &Placed<'_>, (a, b): (usize, usize)) -> bool {
+    let [(a, world_from_a), (b, world_from_b)] = [placed.body(a), placed.body(b)];
+    geometries.pair(a, b).is_none_or(|(a, b)| a.touches(world_from_a, b, world_from_b))
 }
 
 impl Robot {

@@ -170,24 +170,25 @@ mod tests {
 
     #[test]
     fn links_touch_from_the_surface_to_the_inside_of_each_kind_of_solid() {
-        let cube = r#"<mesh filename="cube.obj"/>"#;
+        /// Half the size of each.
+        const REACH: f32 = 0.5;
         let solids = [
-            (r#"<sphere radius="0.5"/>"#, 0.5),
-            (r#"<box size="1 1 1"/>"#, 0.5),
-            (r#"<cylinder radius="0.5" length="1"/>"#, 0.5),
-            (cube, 0.5),
+            r#"<sphere radius="0.5"/>"#,
+            r#"<box size="1 1 1"/>"#,
+            r#"<cylinder radius="0.5" length="1"/>"#,
+            r#"<mesh filename="cube.obj"/>"#,
         ];
         let small = [r#"<sphere radius="0.05"/>"#, r#"<box size="0.1 0.1 0.1"/>"#];
-        for (solid, reach) in solids {
+        for solid in solids {
             for moved in small {
                 let (a, b) = pair(solid, moved);
                 let at = |x: f32| Pose3::from_translation(Vec3::new(x, 0.003, 0.002));
                 for (x, touch) in [
                     (0.0, true),
                     (0.2, true),
-                    (reach, true),
-                    (reach + 0.048, true),
-                    (reach + 0.052, false),
+                    (REACH, true),
+                    (REACH + 0.048, true),
+                    (REACH + 0.052, false),
                 ] {
                     assert_eq!(
                         a.touches(Pose3::IDENTITY, &b, at(x)),

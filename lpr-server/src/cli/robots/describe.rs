@@ -7,7 +7,7 @@ use lpr_core::glamx::Vec3;
 use lpr_core::rng::{Stream, stream};
 use lpr_core::robot::{Described, Joint, JointMotion, Robot};
 use lpr_core::scene::{Overlap, OverlapKind};
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 use std::collections::BTreeSet;
 
 /// Configurations in which the tip is looked at.
@@ -89,7 +89,8 @@ struct TouchingRow {
     /// Share of the configurations in which their spheres touch.
     share: f32,
     /// `at rest`, `always`, `never` (but as spheres) or `close` (tested by their geometry).
-    kind: &'static str,
+    #[serde(serialize_with = "kind_name")]
+    kind: OverlapKind,
 }
 
 #[derive(Debug, Serialize)]
@@ -160,13 +161,18 @@ fn touching(robot: &Robot, overlap: &Overlap) -> TouchingRow {
     TouchingRow {
         links: [name(overlap.pair.0), name(overlap.pair.1)],
         share: overlap.share,
-        kind: match overlap.kind {
-            OverlapKind::AtRest => "at rest",
-            OverlapKind::NearlyAlways => "always",
-            OverlapKind::Never => "never",
-            OverlapKind::Close => "close",
-        },
+        kind: overlap.kind,
     }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "as serde calls it")]
+fn kind_name<S: Serializer>(kind: &OverlapKind, to: S) -> core::result::Result<S::Ok, S::Error> {
+    to.serialize_str(match kind {
+        OverlapKind::AtRest => "at rest",
+        OverlapKind::NearlyAlways => "always",
+        OverlapKind::Never => "never",
+        OverlapKind::Close => "close",
+    })
 }
 
 /// The tip in many configurations from a fixed seed.
@@ -213,11 +219,11 @@ impl fmt::Display for Description {
         }
         writeln!(f, "\n{} pairs of links are tested, {} are not", pairs.tested, pairs.allowed)?;
         for TouchingRow { links: [a, b], share, kind } in &pairs.touching {
-            let found = match *kind {
-                "at rest" => "they touch at rest",
-                "always" => "they touch nearly always",
-                "never" => "they never touch",
-                _ => "tested by their geometry",
+            let found = match kind {
+                OverlapKind::AtRest => "they touch at rest",
+                OverlapKind::NearlyAlways => "they touch nearly always",
+                OverlapKind::Never => "they never touch",
+                OverlapKind::Close => "tested by their geometry",
             };
             let percent = 100.0 * share;
             writeln!(f, "  {a} and {b}: {found}; as spheres in {percent:.1} % of configurations")?;
