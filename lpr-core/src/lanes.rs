@@ -98,6 +98,22 @@ pub(crate) fn sincos<S: Simd>(simd: S, angle: Floats<S>) -> (Floats<S>, Floats<S
     (sine_is_negative.select(-s, s), cosine_is_negative.select(-c, c))
 }
 
+/// Every width of vectors that this machine has.
+#[cfg(test)]
+pub(crate) fn levels() -> Vec<fearless_simd::Level> {
+    use fearless_simd::Level;
+    let best = Level::new();
+    #[cfg(target_arch = "x86_64")]
+    let narrower = [
+        best.as_sse2().map(Level::Sse2),
+        best.as_sse4_2().map(Level::Sse4_2),
+        best.as_avx2().map(Level::Avx2),
+    ];
+    #[cfg(not(target_arch = "x86_64"))]
+    let narrower: [Option<Level>; 0] = [];
+    narrower.into_iter().flatten().chain([best]).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

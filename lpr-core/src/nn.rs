@@ -8,7 +8,10 @@ mod adam;
 mod backend;
 #[cfg(test)]
 pub(crate) mod golden;
+mod halves;
+mod kernels;
 mod layers;
+mod operations;
 mod parameters;
 mod values;
 
@@ -16,7 +19,9 @@ pub use adam::{AdamSettings, AdamState, GradientClip};
 pub use backend::Backend;
 pub use parameters::NamedTensor;
 
-pub(crate) use adam::Adam;
+pub(crate) use adam::{Adam, parameter_gradients};
+pub(crate) use halves::{ParameterGradients, in_halves, sum_of_gradients};
 pub(crate) use layers::{Dense, Mlp, Spread};
+pub(crate) use operations::{Activation, Padding, Tiles, convolve, dense};
 pub(crate) use parameters::{export, import, mix};
 pub(crate) use values::{tensor, values};

@@ -21,8 +21,9 @@
 
 use crate::error::{Error, Result};
 use crate::features::{GOAL_FEATURES, JointScale, goal_features};
-use crate::nn::{Adam, AdamSettings, AdamState, Backend, Mlp, NamedTensor, Spread};
-use crate::nn::{export, import, tensor, values};
+use crate::nn::{Adam, AdamSettings, AdamState, Backend, Mlp, NamedTensor, ParameterGradients};
+use crate::nn::{Spread, export, import, in_halves, parameter_gradients, sum_of_gradients};
+use crate::nn::{tensor, values};
 use crate::path::JointPath;
 use crate::q_attention::{NetworkCost, NextBestPose};
 use crate::rng::Rng;
@@ -174,6 +175,16 @@ impl Policy {
                 found: "none".to_owned(),
             });
         }
+        let halves = in_halves(batch, |half| self.half(half, batch.len()));
+        let loss = halves.iter().map(|half| half.0).sum();
+        let gradients = sum_of_gradients(halves.into_iter().map(|half| half.1));
+        // Line 18: μ ← μ - λ ∇J_π.
+        self.network = self.adam.step(self.network.clone(), gradients);
+        Ok(loss)
+    }
+
+    /// Loss and gradients of some samples of a batch of `n_samples`.
+    fn half(&self, batch: &[PolicySample<'_>], n_samples: usize) -> (f32, ParameterGradients) {
         let mut rows = Rows::default();
         let (mut offsets, mut weights) = (Vec::new(), Vec::new());
         for sample in batch {
@@ -186,7 +197,7 @@ impl Policy {
             );
             // The mean of each path, so that a path of many configurations counts no more than a
             // short one.
-            let weight = sample.weight / (batch.len() * configs.len() * DOF) as f32;
+            let weight = sample.weight / (n_samples * configs.len() * DOF) as f32;
             weights.extend(configs.iter().map(|_| weight));
             for (idx, config) in configs.iter().enumerate() {
                 let line =
@@ -202,10 +213,8 @@ impl Policy {
         let predicted = outputs * tensor(rows.bumps, [n, 1], &device);
         let squares = (predicted - tensor(offsets, [n, DOF], &device)).square();
         let loss = (squares * tensor(weights, [n, 1], &device)).sum();
-        let gradients = loss.backward();
-        // Line 18: μ ← μ - λ ∇J_π.
-        self.network = self.adam.step(self.network.clone(), &leaves, gradients);
-        Ok(loss.into_scalar())
+        let gradients = parameter_gradients(&leaves, loss.backward());
+        (loss.into_scalar(), gradients)
     }
 
     fn push_rows(

@@ -26,13 +26,14 @@ mod network;
 
 use crate::error::{Error, Result};
 use crate::features::JointScale;
-use crate::nn::{Adam, AdamSettings, AdamState, Backend, NamedTensor};
-use crate::nn::{export, import, mix, tensor, values};
+use crate::nn::{Adam, AdamSettings, AdamState, Backend, NamedTensor, ParameterGradients};
+use crate::nn::{export, import, in_halves, mix, parameter_gradients, sum_of_gradients};
+use crate::nn::{tensor, values};
 use crate::path::JointPath;
 use crate::q_attention::{NetworkCost, NextBestPose};
 use crate::rng::Rng;
 use crate::robot::Robot;
-use network::{Encoding, RankerNetwork};
+use network::{Encoding, RankerNetwork, common_path_len};
 use std::sync::Arc;
 
 use burn::module::Module as _;
@@ -219,8 +220,32 @@ impl Ranker {
     ///
     /// [`Error::Shape`] when the batch is empty or its paths differ in length.
     pub fn update(&mut self, batch: &[RankerTransition<'_>]) -> Result<RankerUpdate> {
-        let targets = self.targets(batch)?;
         let taken: Vec<_> = batch.iter().map(|transition| transition.taken).collect();
+        common_path_len(&taken)?;
+        let targets = self.targets(batch)?;
+        let n = batch.len();
+        let samples: Vec<_> = batch.iter().zip(&targets).collect();
+        let halves = in_halves(&samples, |half| self.half(half, n));
+        let halves = halves.into_iter().collect::<Result<Vec<_>>>()?;
+        let loss = halves.iter().map(|half| half.loss).sum();
+        let values: Vec<_> = halves.iter().flat_map(|half| half.values.iter().copied()).collect();
+        let gradients = sum_of_gradients(halves.into_iter().map(|half| half.gradients));
+
+        // Line 19: σ ← σ - λ ∇J_R; line 20: σ' ← τσ + (1-τ)σ'.
+        self.online = self.adam.step(self.online.clone(), gradients);
+        self.target = mix(self.target.clone(), &self.online, self.settings.target_mix);
+        // Of the values before the step, as are the targets.
+        let td_errors = targets.iter().zip(values).map(|(target, value)| target - value).collect();
+        Ok(RankerUpdate { loss, td_errors })
+    }
+
+    /// The part of some transitions, with their targets, in the update of a batch of `n_samples`.
+    fn half(
+        &self,
+        transitions: &[(&RankerTransition<'_>, &f32)],
+        n_samples: usize,
+    ) -> Result<Half> {
+        let taken: Vec<_> = transitions.iter().map(|(transition, _)| transition.taken).collect();
         let leaves = self.online.clone().train();
         let device = self.device.clone().autodiff();
         let input = self.encoding.encode(&taken, &device)?;
@@ -229,37 +254,37 @@ impl Ranker {
         let per_critic: Vec<_> =
             value_tensors.iter().map(|value| values(value.clone().inner())).collect();
 
-        let n = batch.len();
+        let n = transitions.len();
         let weight =
-            tensor(batch.iter().map(|transition| transition.weight).collect(), [n], &device);
-        let target = tensor(targets.clone(), [n], &device);
+            |(transition, _): &(&RankerTransition<'_>, _)| transition.weight / n_samples as f32;
+        let weight = tensor(transitions.iter().map(weight).collect(), [n], &device);
+        let target = tensor(transitions.iter().map(|(_, target)| **target).collect(), [n], &device);
         let loss = value_tensors
             .into_iter()
-            .map(|value| ((target.clone() - value).square() * weight.clone()).mean())
+            .map(|value| ((target.clone() - value).square() * weight.clone()).sum())
             .reduce(Tensor::add)
             .expect("a ranker has at least one critic");
-        let gradients = loss.backward();
-
-        // Line 19: σ ← σ - λ ∇J_R; line 20: σ' ← τσ + (1-τ)σ'.
-        self.online = self.adam.step(self.online.clone(), &leaves, gradients);
-        self.target = mix(self.target.clone(), &self.online, self.settings.target_mix);
-        // Of the values before the step, as are the targets.
-        let td_errors = (0..n).map(|idx| targets[idx] - mean(&per_critic, idx)).collect();
-        Ok(RankerUpdate { loss: loss.into_scalar(), td_errors })
+        let gradients = parameter_gradients(&leaves, loss.backward());
+        let values = (0..n).map(|idx| mean(&per_critic, idx)).collect();
+        Ok(Half { loss: loss.into_scalar(), values, gradients })
     }
 
     /// `r + γ Q'(ξ_{t+1})`, or `r` where nothing follows.
     fn targets(&self, batch: &[RankerTransition<'_>]) -> Result<Vec<f32>> {
         let next: Vec<_> = batch.iter().filter_map(|transition| transition.next).collect();
-        let per_critic = if next.is_empty() {
-            Vec::new()
-        } else {
-            self.target.forward(&self.encoding.encode(&next, &self.device)?)
-        };
+        if !next.is_empty() {
+            common_path_len(&next)?;
+        }
         // Of two critics the smaller value, against overestimates. One entry for each transition
         // that goes on, in the order of the batch.
-        let mut lowest = (0..next.len())
-            .map(|idx| per_critic.iter().fold(f32::INFINITY, |low, values| low.min(values[idx])));
+        let lowest = in_halves(&next, |half| {
+            let per_critic = self.target.forward(&self.encoding.encode(half, &self.device)?);
+            let lowest = |idx| {
+                per_critic.iter().fold(f32::INFINITY, |low, values: &Vec<f32>| low.min(values[idx]))
+            };
+            Ok((0..half.len()).map(lowest).collect::<Vec<_>>())
+        });
+        let mut lowest = lowest.into_iter().collect::<Result<Vec<_>>>()?.into_iter().flatten();
         Ok(batch
             .iter()
             .map(|transition| {
@@ -297,6 +322,14 @@ impl Ranker {
         (self.online, self.target) = (online, target);
         Ok(())
     }
+}
+
+/// The part of some transitions in an update.
+struct Half {
+    loss: f32,
+    /// Mean over critics, one a transition.
+    values: Vec<f32>,
+    gradients: ParameterGradients,
 }
 
 fn check(settings: &RankerSettings) -> Result<()> {

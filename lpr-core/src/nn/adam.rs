@@ -6,6 +6,7 @@
 //! stores and restores bit by bit. It also needs one pass over each parameter instead of one per
 //! operation.
 
+use super::halves::ParameterGradients;
 use super::parameters::{NamedTensor, export, find, map_values};
 use super::values::values;
 use crate::check::setting;
@@ -95,23 +96,19 @@ impl Adam {
     }
 
     /// `module` after one update.
-    ///
-    /// `leaves` is `module.train()`, whose parameters the loss of `gradients` was computed from.
-    pub(crate) fn step<M: Module>(&mut self, module: M, leaves: &M, gradients: Gradients) -> M {
-        let mut collector = Collector { gradients, collected: Vec::new() };
-        leaves.visit(&mut collector);
-        let mut gradients = collector.collected;
+    pub(crate) fn step<M: Module>(&mut self, module: M, mut gradients: ParameterGradients) -> M {
         clip(&mut gradients, self.settings.clip);
         self.state.updates += 1;
         let rate = StepSize::new(self.settings.learning_rate, self.state.updates);
         map_values(module, |idx, mut parameter| {
             let (first, second) =
                 (&mut self.state.first[idx].values, &mut self.state.second[idx].values);
-            for (k, p) in parameter.iter_mut().enumerate() {
-                let gradient = gradients[idx][k] + self.settings.l2 * *p;
-                first[k] = BETA_1 as f32 * first[k] + (1.0 - BETA_1) as f32 * gradient;
-                second[k] = BETA_2 as f32 * second[k] + (1.0 - BETA_2) as f32 * gradient * gradient;
-                *p -= rate.first * first[k] / (second[k].sqrt() * rate.second + EPSILON);
+            let numbers = parameter.iter_mut().zip(&gradients[idx]).zip(first).zip(second);
+            for (((p, gradient), first), second) in numbers {
+                let gradient = gradient + self.settings.l2 * *p;
+                *first = BETA_1 as f32 * *first + (1.0 - BETA_1) as f32 * gradient;
+                *second = BETA_2 as f32 * *second + (1.0 - BETA_2) as f32 * gradient * gradient;
+                *p -= rate.first * *first / (second.sqrt() * rate.second + EPSILON);
             }
             parameter
         })
@@ -173,10 +170,20 @@ fn clip(gradients: &mut [Vec<f32>], limit: GradientClip) {
     }
 }
 
-/// Gradients of the parameters in the order of the fields.
+/// The gradients of all parameters of `leaves`, which is a network's `train()`, whose parameters the
+/// loss of `gradients` was computed from.
+pub(crate) fn parameter_gradients<M: Module>(
+    leaves: &M,
+    gradients: Gradients,
+) -> ParameterGradients {
+    let mut collector = Collector { gradients, collected: Vec::new() };
+    leaves.visit(&mut collector);
+    collector.collected
+}
+
 struct Collector {
     gradients: Gradients,
-    collected: Vec<Vec<f32>>,
+    collected: ParameterGradients,
 }
 
 impl ModuleVisitor for Collector {
@@ -215,8 +222,8 @@ mod tests {
         let x = tensor(vec![0.1, 0.2, -0.3, 0.9, 0.5, -0.7], [3, 2], &device);
         let y = tensor(vec![0.3, 0.6, -0.2], [3, 1], &device);
         let loss = (leaves.forward(x) - y).square().mean();
-        let gradients = loss.backward();
-        *network = adam.step(network.clone(), &leaves, gradients);
+        let gradients = parameter_gradients(&leaves, loss.backward());
+        *network = adam.step(network.clone(), gradients);
         loss.into_scalar()
     }
 

@@ -1,13 +1,13 @@
 //! Fully connected layers and their initial weights, drawn from a generator that is passed in.
 
+use super::operations::{Activation, Tiles, convolve, dense, pooled_dense};
 use super::values::tensor;
 use crate::rng::Rng;
 
 use burn::module::{Module, Param};
-use burn::tensor::activation::relu;
-use burn::tensor::module::linear;
 use burn::tensor::{Device, Tensor};
 use rand::RngExt as _;
+use std::sync::Arc;
 
 /// Width of the uniform distribution of initial weights.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -79,7 +79,37 @@ impl Dense {
     /// - `x`: `[N, fan_in]`
     /// - output: `[N, fan_out]`
     pub(crate) fn forward(&self, x: Tensor<2>) -> Tensor<2> {
-        linear(x, self.weight.val(), Some(self.bias.val()))
+        self.activated(x, Activation::Linear)
+    }
+
+    /// The same, activated.
+    pub(crate) fn activated(&self, x: Tensor<2>, activation: Activation) -> Tensor<2> {
+        dense(x, self.weight.val(), self.bias.val(), activation)
+    }
+
+    /// On the 3³ neighbourhood of each cell: see [`convolve`].
+    ///
+    /// # Shapes
+    ///
+    /// - `x`: `[B * cells, fan_in / 27]`
+    /// - output: `[B * cells, fan_out]`
+    pub(crate) fn convolved(
+        &self,
+        x: Tensor<2>,
+        tiles: &Arc<Tiles>,
+        activation: Activation,
+    ) -> Tensor<2> {
+        convolve(x, self.weight.val(), self.bias.val(), tiles, activation)
+    }
+
+    /// The maximum over each set of `members` rows, activated: see [`pooled_dense`].
+    ///
+    /// # Shapes
+    ///
+    /// - `x`: `[sets * members, fan_in]`
+    /// - output: `[sets, fan_out]`
+    pub(crate) fn pooled(&self, x: Tensor<2>, members: usize, activation: Activation) -> Tensor<2> {
+        pooled_dense(x, members, self.weight.val(), self.bias.val(), activation)
     }
 }
 
@@ -109,10 +139,25 @@ impl Mlp {
     /// - `x`: `[N, widths[0]]`
     /// - output: `[N, last width]`
     pub(crate) fn forward(&self, x: Tensor<2>) -> Tensor<2> {
+        let (last, x) = self.before_last(x);
+        last.forward(x)
+    }
+
+    /// The last layer with ReLU and its maximum over each set of `members` rows.
+    ///
+    /// # Shapes
+    ///
+    /// - `x`: `[sets * members, widths[0]]`
+    /// - output: `[sets, last width]`
+    pub(crate) fn pooled(&self, x: Tensor<2>, members: usize) -> Tensor<2> {
+        let (last, x) = self.before_last(x);
+        last.pooled(x, members, Activation::Relu)
+    }
+
+    fn before_last(&self, x: Tensor<2>) -> (&Dense, Tensor<2>) {
         let (last, hidden) =
             self.layers.split_last().expect("an Mlp is made with at least one layer");
-        let x = hidden.iter().fold(x, |x, layer| relu(layer.forward(x)));
-        last.forward(x)
+        (last, hidden.iter().fold(x, |x, layer| layer.activated(x, Activation::Relu)))
     }
 }
 

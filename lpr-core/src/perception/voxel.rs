@@ -268,6 +268,13 @@ impl VoxelGrid {
         &self.features[channel * n..(channel + 1) * n]
     }
 
+    /// All channels of one voxel.
+    #[must_use]
+    pub fn voxel(&self, flat: usize) -> [f32; VOXEL_CHANNELS] {
+        let n = self.space.n_voxels();
+        core::array::from_fn(|channel| self.features[channel * n + flat])
+    }
+
     /// True if the voxel holds points.
     #[must_use]
     pub fn is_occupied(&self, voxel: VoxelIndex) -> bool {

@@ -7,11 +7,12 @@ use super::loss::{Choices, LossWeights, PerSample, chosen_values, depth_loss, td
 use super::network::{Heads, NetworkCost, NetworkInput, QNetwork, QValues};
 use super::next_best_pose::NextBestPose;
 use super::observation::QObservation;
-use super::settings::{NetworkSettings, QAttentionSettings};
+use super::settings::QAttentionSettings;
 use crate::error::{Error, Result};
+use crate::in_order::each_with_scratch;
 use crate::nn::{
-    Adam, AdamSettings, AdamState, Backend, GradientClip, NamedTensor, export, import, mix, tensor,
-    values as floats,
+    Adam, AdamSettings, AdamState, Backend, GradientClip, NamedTensor, ParameterGradients, export,
+    import, in_halves, mix, parameter_gradients, sum_of_gradients, tensor, values as floats,
 };
 use crate::perception::{
     LOW_DIM, Proprio, VOXEL_CHANNELS, VoxelBounds, VoxelGrid, VoxelIndex, VoxelSpace,
@@ -182,10 +183,11 @@ impl QAttention {
             let space =
                 self.codec.zoom(depth_idx, center).expect("there is a space for each depth");
             let grid = VoxelGrid::voxelise(observation.colored_points(), space);
-            let values = depth.network(weights).forward(network_input(
-                &[&grid],
+            let network = depth.network(weights);
+            let values = network.forward(network_input(
+                network,
+                core::slice::from_ref(&grid),
                 &[observation.proprio],
-                self.settings.network,
                 &self.device,
             ));
             let best = Choices::best(&values);
@@ -284,21 +286,55 @@ impl QAttention {
                     .expect("replayed actions lie within bounds")
             })
             .collect::<Vec<_>>();
+        let halves = in_halves(&batch, |half| self.half(half, batch.len()));
+        let n_depths = self.depths.len();
+        let (mut losses, mut priorities) = (vec![0.0; n_depths], vec![0.0; batch.len()]);
+        let mut gradients = vec![Vec::new(); n_depths];
+        let mut hubers = vec![Vec::new(); n_depths];
+        let mut sum_of_targets = 0.0;
+        for half in halves {
+            sum_of_targets += half.sum_of_targets;
+            for (depth_idx, part) in half.depths.into_iter().enumerate() {
+                losses[depth_idx] += part.loss;
+                hubers[depth_idx].extend(part.huber);
+                gradients[depth_idx].push(part.gradients);
+            }
+        }
+        for (depth_idx, huber) in hubers.iter().enumerate() {
+            add_priorities(&mut priorities, huber, n_depths - depth_idx);
+        }
+        self.step(gradients);
+        UpdateReport { losses, mean_target: sum_of_targets / batch.len() as f32, priorities }
+    }
+
+    /// Line 17 of all depths: Adam's step, then the targets' towards the new weights.
+    fn step(&mut self, gradients: Vec<Vec<ParameterGradients>>) {
+        let target_mix = self.settings.target_mix;
+        let depths = self.depths.iter_mut().zip(gradients).collect();
+        each_with_scratch(
+            depths,
+            || (),
+            |(), (depth, parts): (&mut Depth, _)| {
+                depth.online = depth.adam.step(depth.online.clone(), sum_of_gradients(parts));
+                depth.target = mix(depth.target.clone(), &depth.online, target_mix);
+            },
+        );
+    }
+
+    /// The part of some samples in the update of a batch of `n_samples`.
+    fn half(&self, batch: &[Augmented<'_>], n_samples: usize) -> Half {
         // Where the online networks look next, for the samples that go on.
         let mut next_centers = vec![Vec3::ZERO; batch.len()];
-        let mut losses = Vec::with_capacity(self.depths.len());
-        let mut mean_target = 0.0;
-        let mut priorities = vec![0.0; batch.len()];
+        let mut sum_of_targets = 0.0;
+        let mut depths = Vec::with_capacity(self.depths.len());
         for depth_idx in 0..self.depths.len() {
-            let targets = self.targets(depth_idx, &batch, &mut next_centers);
+            let targets = self.targets(depth_idx, batch, &mut next_centers);
             if depth_idx == 0 {
-                mean_target = targets.iter().sum::<f32>() / targets.len() as f32;
+                sum_of_targets = targets.iter().sum();
             }
-            let (loss, huber) = self.fit(depth_idx, &batch, targets);
-            losses.push(loss);
-            add_priorities(&mut priorities, &huber, self.depths.len() - depth_idx);
+            depths.push(self.fit(depth_idx, batch, targets, n_samples));
         }
-        UpdateReport { losses, mean_target, priorities }
+        Half { sum_of_targets, depths }
     }
 
     /// The values to regress on at one depth. Moves `next_centers` to what the online network
@@ -347,13 +383,8 @@ impl QAttention {
             .map(|(&i, &space)| batch[i].moved_grid(next(i), space))
             .collect::<Vec<_>>();
         let proprio = going_on.iter().map(|&i| batch[i].moved_proprio(next(i))).collect::<Vec<_>>();
-        let input = network_input(
-            &grids.iter().collect::<Vec<_>>(),
-            &proprio,
-            self.settings.network,
-            &self.device,
-        );
         let depth = &self.depths[depth_idx];
+        let input = network_input(&depth.online, &grids, &proprio, &self.device);
         let best = Choices::best(&depth.online.forward(input.clone()));
         let values = chosen_values(&depth.target.forward(input), &best).mean_dim(1);
         (floats(values), ints(best.voxel))
@@ -363,50 +394,53 @@ impl QAttention {
         self.codec.zoom(depth_idx, center).expect("there is a space for each depth")
     }
 
-    /// One gradient step of one depth towards `targets`: the loss before it, and the Huber loss of
-    /// each sample.
+    /// The gradients of one depth towards `targets`.
     fn fit(
-        &mut self,
+        &self,
         depth_idx: usize,
         batch: &[Augmented<'_>],
         targets: Vec<f32>,
-    ) -> (f32, Vec<f32>) {
+        n_samples: usize,
+    ) -> DepthPart {
         let device = self.device.clone().autodiff();
         let grids = batch.iter().map(|sample| sample.grid(depth_idx)).collect::<Vec<_>>();
         let proprio = batch
             .iter()
             .map(|sample| sample.moved_proprio(sample.sample.observation))
             .collect::<Vec<_>>();
-        let input = network_input(
-            &grids.iter().collect::<Vec<_>>(),
-            &proprio,
-            self.settings.network,
-            &device,
-        );
-        let n = batch.len();
-        let weights = batch.iter().map(|sample| sample.sample.weight).collect();
-        let imitated =
-            batch.iter().map(|sample| f32::from(u8::from(sample.sample.imitated))).collect();
-
-        // Line 17 for this depth. Its target network may move at once: no other depth reads it.
-        let depth = &mut self.depths[depth_idx];
-        let leaves = depth.online.clone().train();
-        let values = leaves.forward(input);
+        let leaves = self.depths[depth_idx].online.clone().train();
+        let values = leaves.forward(network_input(&leaves, &grids, &proprio, &device));
         let choices = labels(depth_idx, batch, values.pose.is_some(), &device);
         let loss_weights = LossWeights {
             translation: self.settings.translation_regularisation[depth_idx],
             rotation: self.settings.rotation_regularisation,
             imitation: self.settings.imitation,
         };
+        let weights = batch.iter().map(|sample| sample.sample.weight / n_samples as f32).collect();
+        let imitated =
+            batch.iter().map(|sample| f32::from(u8::from(sample.sample.imitated))).collect();
         let [targets, weights, imitated] =
-            [targets, weights, imitated].map(|column| tensor(column, [n], &device));
+            [targets, weights, imitated].map(|column| tensor(column, [batch.len()], &device));
         let loss =
             depth_loss(&values, &choices, PerSample { targets, weights, imitated }, loss_weights);
-        let gradients = loss.total.backward();
-        depth.online = depth.adam.step(depth.online.clone(), &leaves, gradients);
-        depth.target = mix(depth.target.clone(), &depth.online, self.settings.target_mix);
-        (floats(loss.total)[0], floats(loss.huber))
+        let gradients = parameter_gradients(&leaves, loss.total.backward());
+        DepthPart { loss: floats(loss.total)[0], huber: floats(loss.huber), gradients }
     }
+}
+
+/// The part of some samples in an update.
+struct Half {
+    /// Of the first depth.
+    sum_of_targets: f32,
+    depths: Vec<DepthPart>,
+}
+
+/// The part of some samples in the update of one depth.
+struct DepthPart {
+    loss: f32,
+    /// One a sample.
+    huber: Vec<f32>,
+    gradients: ParameterGradients,
 }
 
 /// Index of [`Gripper::Open`] among the gripper's values.
@@ -442,45 +476,46 @@ fn add_priorities(priorities: &mut [f32], huber: &[f32], times: usize) {
 
 /// Grids and proprioception as one batch.
 fn network_input(
-    grids: &[&VoxelGrid],
+    network: &QNetwork,
+    grids: &[VoxelGrid],
     proprio: &[Proprio],
-    network: NetworkSettings,
     device: &Device,
 ) -> NetworkInput {
     let n_voxels = grids.first().map_or(0, |grid| grid.space.n_voxels());
-    let mut voxels =
-        grids.iter().flat_map(|grid| grid.features.iter().copied()).collect::<Vec<_>>();
-    if let NetworkSettings::Fast { .. } = network {
-        for (grid, features) in grids.iter().zip(voxels.chunks_exact_mut(VOXEL_CHANNELS * n_voxels))
-        {
-            center_positions(grid, features);
+    let mut voxels = Vec::with_capacity(grids.len() * n_voxels * VOXEL_CHANNELS);
+    for grid in grids {
+        match network.raster_of_row() {
+            Some(raster_of_row) => {
+                let half_voxel = 0.5 * grid.space.voxel_size();
+                voxels.extend(
+                    raster_of_row.iter().flat_map(|&flat| centered(grid, flat, half_voxel)),
+                );
+            }
+            None => voxels.extend((0..n_voxels).flat_map(|flat| grid.voxel(flat))),
         }
     }
     let low_dim = proprio.iter().flat_map(Proprio::low_dim).collect();
     NetworkInput {
-        voxels: tensor(voxels, [grids.len(), VOXEL_CHANNELS, n_voxels], device),
+        voxels: tensor(voxels, [grids.len(), n_voxels, VOXEL_CHANNELS], device),
         proprio: tensor(low_dim, [proprio.len(), LOW_DIM], device),
     }
 }
 
-/// Mean positions as fractions of a voxel from its centre, -1 to 1, instead of metres in the world;
-/// zero where nothing is.
+/// The channels of a voxel with its mean position as fractions from its centre, -1 to 1, instead of
+/// metres in the world; zero where nothing is.
 ///
 /// A lesson from one place then holds at every other, and a millimetre is not lost beside a
 /// metre.
-fn center_positions(grid: &VoxelGrid, features: &mut [f32]) {
-    let n_voxels = grid.space.n_voxels();
-    let half_voxel = 0.5 * grid.space.voxel_size();
-    for flat in 0..n_voxels {
-        let voxel = grid.space.voxel_from_flat(flat);
-        if grid.is_occupied(voxel) {
-            let center = grid.space.point_from_voxel(voxel);
-            for axis in 0..3 {
-                let position = &mut features[axis * n_voxels + flat];
-                *position = (*position - center[axis]) / half_voxel[axis];
-            }
+fn centered(grid: &VoxelGrid, flat: usize, half_voxel: Vec3) -> [f32; VOXEL_CHANNELS] {
+    let mut channels = grid.voxel(flat);
+    let voxel = grid.space.voxel_from_flat(flat);
+    if grid.is_occupied(voxel) {
+        let center = grid.space.point_from_voxel(voxel);
+        for axis in 0..3 {
+            channels[axis] = (channels[axis] - center[axis]) / half_voxel[axis];
         }
     }
+    channels
 }
 
 fn indices<const D: usize>(values: Vec<i32>, shape: [usize; D], device: &Device) -> Tensor<D, Int> {

@@ -69,7 +69,8 @@ pub(super) fn td_target(reward: f32, discount: f32, next_value: Option<f32>) -> 
     (reward + next_value.map_or(0.0, |value| discount * value)).max(0.0)
 }
 
-/// The loss of one depth, and the mean Huber loss of each sample before weighting.
+/// The loss of one depth or its part of some samples, and the mean Huber loss of each sample before
+/// weighting.
 pub(super) struct DepthLoss {
     /// `[1]`.
     pub(super) total: Tensor<1>,
@@ -90,13 +91,13 @@ pub(super) struct LossWeights {
 pub(super) struct PerSample {
     /// Targets of the values.
     pub(super) targets: Tensor<1>,
-    /// Importance weights.
+    /// Importance weights over the number of samples of the batch.
     pub(super) weights: Tensor<1>,
     /// 1 for the samples to imitate, else 0.
     pub(super) imitated: Tensor<1>,
 }
 
-/// The loss of one depth.
+/// The loss of one depth; of some samples of a batch, their part of it.
 pub(super) fn depth_loss(
     values: &QValues,
     choices: &Choices,
@@ -121,7 +122,7 @@ pub(super) fn depth_loss(
         per_sample =
             per_sample + surprise(values, choices, temperature) * samples.imitated * weight;
     }
-    DepthLoss { total: (per_sample * samples.weights).mean(), huber }
+    DepthLoss { total: (per_sample * samples.weights).sum(), huber }
 }
 
 /// Mean over the parts of `-log softmax(Q / T)` at the choices: `[B]`.
@@ -209,7 +210,7 @@ mod tests {
             &best,
             PerSample {
                 targets: tensor(vec![1.0, 0.0], [2], &device),
-                weights: tensor(vec![1.0, 0.5], [2], &device),
+                weights: tensor(vec![0.5, 0.25], [2], &device),
                 imitated: tensor(vec![1.0; 2], [2], &device),
             },
             loss_weights,
@@ -262,7 +263,7 @@ mod tests {
         let chosen = tensor(vec![0.5, 0.2], [2], &device);
         let rows = PerSample {
             targets: chosen,
-            weights: tensor(vec![1.0; 2], [2], &device),
+            weights: tensor(vec![0.5; 2], [2], &device),
             imitated: tensor(vec![1.0, 0.0], [2], &device),
         };
         let loss_weights = LossWeights {

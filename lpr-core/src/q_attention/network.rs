@@ -16,7 +16,8 @@ use burn::tensor::{Device, Tensor};
 /// Input of the network of one depth.
 #[derive(Debug, Clone)]
 pub struct NetworkInput {
-    /// `[B, 10, D H W]`: the channels of [`crate::perception::VoxelGrid`].
+    /// `[B, D H W, 10]`: the channels of [`crate::perception::VoxelGrid`] for each voxel, in the
+    /// order of [`QNetwork::raster_of_row`].
     pub voxels: Tensor<3>,
     /// `[B, 11]`: what the arm knows of itself.
     pub proprio: Tensor<2>,
@@ -105,6 +106,12 @@ impl QNetwork {
             (None, Some(fast)) => fast.forward(input),
             (None, None) => unreachable!("a network is one of the two kinds"),
         }
+    }
+
+    /// Flat index, x fastest, of the voxel that stands in each row of the input; none: its own.
+    #[must_use]
+    pub fn raster_of_row(&self) -> Option<&[usize]> {
+        self.fast.as_ref().map(FastNetwork::raster_of_row)
     }
 
     /// Parameters, and operations of one forward pass of one sample.

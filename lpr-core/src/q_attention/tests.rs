@@ -204,7 +204,7 @@ fn gradients_of_the_loss_are_its_differences() {
     let leaves = network.clone().train();
     let gradients = loss_of(&leaves, &plain.clone().autodiff()).backward();
     let gradients = collect(&leaves, gradients);
-    let step = 2e-3;
+    let step = 1e-3;
     let moved = |k: usize, by: f32| {
         let mut tensors: Vec<NamedTensor> = tensors.clone();
         // Along the gradient itself, where the difference is largest.
@@ -236,7 +236,7 @@ fn loss_of(network: &QNetwork, device: &burn::tensor::Device) -> Tensor<1> {
     let input = NetworkInput {
         voxels: tensor(
             random(2 * VOXEL_CHANNELS * n_voxels, rng),
-            [2, VOXEL_CHANNELS, n_voxels],
+            [2, n_voxels, VOXEL_CHANNELS],
             device,
         ),
         proprio: tensor(random(22, rng), [2, 11], device),
@@ -252,7 +252,7 @@ fn loss_of(network: &QNetwork, device: &burn::tensor::Device) -> Tensor<1> {
     let column = |values: Vec<f32>| tensor(values, [2], device);
     let rows = loss::PerSample {
         targets: column(vec![1.0, 0.3]),
-        weights: column(vec![1.0, 0.5]),
+        weights: column(vec![0.5, 0.25]),
         imitated: column(vec![1.0, 0.0]),
     };
     let loss_weights = loss::LossWeights {

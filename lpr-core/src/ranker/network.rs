@@ -9,7 +9,6 @@ use crate::robot::{DOF, JointConfig, Robot};
 use std::sync::Arc;
 
 use burn::module::Module;
-use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 
 /// Numbers of the context: start and goal configuration, next-best pose, collides, gripper open,
@@ -70,12 +69,7 @@ impl Critic {
     /// - output: `[B]`
     pub(super) fn forward(&self, input: &PathTensors) -> Tensor<1> {
         let [n_paths, path_len] = input.dims;
-        let features = self.encoder.forward(input.configs.clone());
-        let width = features.dims()[1];
-        // ReLU after the maximum instead of before: the same values and gradients on 1/T of the
-        // numbers.
-        let pooled =
-            relu(features.reshape([n_paths, path_len, width]).max_dim(1).reshape([n_paths, width]));
+        let pooled = self.encoder.pooled(input.configs.clone(), path_len);
         let pooled = match &input.context {
             Some(context) => Tensor::cat(vec![pooled, context.clone()], 1),
             None => pooled,
@@ -139,22 +133,12 @@ impl Encoding {
         samples: &[RankerSample<'_>],
         device: &Device,
     ) -> Result<PathTensors> {
-        let Some(first) = samples.first() else {
-            return Err(shape_error("at least one path".to_owned(), "none".to_owned()));
-        };
-        let path_len = first.path.path.configs().len();
+        let path_len = common_path_len(samples)?;
         let (n_config, n_context) = (config_features(self.input), context_features(self.input));
         let mut configs = Vec::with_capacity(samples.len() * path_len * n_config);
         let mut context = Vec::with_capacity(samples.len() * n_context);
         for sample in samples {
-            let found = sample.path.path.configs();
-            if found.len() != path_len {
-                return Err(shape_error(
-                    format!("[{path_len}, {DOF}]"),
-                    format!("[{}, {DOF}]", found.len()),
-                ));
-            }
-            for config in found {
+            for config in sample.path.path.configs() {
                 configs.extend(self.joint_scale.apply(config));
                 if self.input == RankerInput::Grip {
                     configs.extend(self.grip_features(config, sample.context));
@@ -200,6 +184,24 @@ impl Encoding {
             context.time,
         ]);
         features
+    }
+}
+
+/// The number of configurations of every path.
+///
+/// # Errors
+///
+/// [`Error::Shape`] without samples, or when their paths differ in length.
+pub(super) fn common_path_len(samples: &[RankerSample<'_>]) -> Result<usize> {
+    let n_configs = |sample: &RankerSample<'_>| sample.path.path.configs().len();
+    let Some(expected) = samples.first().map(n_configs) else {
+        return Err(shape_error("at least one path".to_owned(), "none".to_owned()));
+    };
+    match samples.iter().map(n_configs).find(|&found| found != expected) {
+        None => Ok(expected),
+        Some(found) => {
+            Err(shape_error(format!("[{expected}, {DOF}]"), format!("[{found}, {DOF}]")))
+        }
     }
 }
 

@@ -4,6 +4,7 @@ use super::link_spheres::{LinkBits, LinkGroup, LinkSpheres};
 use super::stick_arm::{is_free_by_brute_force, stick_arm};
 use super::sweep::{Sweep, Unseen};
 use super::*;
+use crate::lanes::levels;
 use crate::robot::{Joint, JointConfig, JointMotion, JointOrigin, Link, PANDA, Robot, Sphere};
 use fearless_simd::Level;
 use glamx::{DPose3, DQuat, DVec3, Pose3, Quat, Vec3};
@@ -18,20 +19,6 @@ fn config() -> impl Strategy<Value = JointConfig> {
 
 fn position() -> impl Strategy<Value = Vec3> {
     [-0.9_f32..0.9, -0.9..0.9, 0.0..1.2].prop_map(Vec3::from_array)
-}
-
-/// Every width of vectors that this machine has.
-fn levels() -> Vec<Level> {
-    let best = Level::new();
-    #[cfg(target_arch = "x86_64")]
-    let narrower = [
-        best.as_sse2().map(Level::Sse2),
-        best.as_sse4_2().map(Level::Sse4_2),
-        best.as_avx2().map(Level::Avx2),
-    ];
-    #[cfg(not(target_arch = "x86_64"))]
-    let narrower: [Option<Level>; 0] = [];
-    narrower.into_iter().flatten().chain([best]).collect()
 }
 
 fn at_level(arm: &ArmSpheres, level: Level) -> ArmSpheres {

@@ -35,23 +35,6 @@ pub(super) fn raster_of_block(side: usize, block: usize) -> Vec<usize> {
     raster
 }
 
-/// For each cell in block order, its 27 neighbours (x fastest, itself in the middle); outside the
-/// grid the nearest cell.
-pub(super) fn neighbours(side: usize, block: usize) -> Vec<[usize; 27]> {
-    let forward = block_of_raster(side, block);
-    let moved = |at: usize, shift: usize| (at + shift).saturating_sub(1).min(side - 1);
-    raster_of_block(side, block)
-        .into_iter()
-        .map(|raster| {
-            let [x, y, z] = [raster % side, raster / side % side, raster / (side * side)];
-            core::array::from_fn(|k| {
-                let near = [moved(x, k % 3), moved(y, k / 3 % 3), moved(z, k / 9)];
-                forward[(near[2] * side + near[1]) * side + near[0]]
-            })
-        })
-        .collect()
-}
-
 /// Interleaves the two lowest bits of `x`, `y` and `z`, those of `x` first.
 fn morton(xyz: [usize; 3]) -> usize {
     let spread = |value: usize| value & 1 | (value & 2) << 2;
@@ -76,20 +59,6 @@ mod tests {
                     coarse / (side * side / 4),
                 ];
                 assert!(block.iter().map(cell).all(|xyz| xyz.map(|i| i / 2) == parent));
-            }
-        }
-    }
-
-    #[test]
-    fn neighbours_are_one_step_away_or_clamped() {
-        let raster = raster_of_block(6, 2);
-        for (cell, near) in neighbours(6, 2).into_iter().enumerate() {
-            assert_eq!(near[13], cell);
-            for other in near {
-                let [a, b] = [raster[cell], raster[other]];
-                assert!((0..3).all(|axis| {
-                    (a / 6_usize.pow(axis) % 6).abs_diff(b / 6_usize.pow(axis) % 6) <= 1
-                }));
             }
         }
     }

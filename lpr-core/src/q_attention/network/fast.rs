@@ -1,9 +1,9 @@
-//! The network of the `fast` preset: a small U-Net whose every layer is a matrix product.
+//! The network of the `fast` preset: a small U-Net.
 //!
 //! The stem reads 2³ voxels at once, 3³ convolutions run on half and a quarter of the side only,
 //! and a cell emits the features of its eight voxels (a 3-D pixel shuffle), which meet each voxel's
-//! own channels before its value. Cells stand in block order ([`super::blocks`]), so pooling and
-//! un-pooling are reshapes, and a 3³ convolution is one gather of rows and one product.
+//! own channels before its value. Cells stand in block order ([`super::blocks`]), so that pooling and
+//! un-pooling are reshapes.
 //!
 //! # Differences from the paper
 //!
@@ -13,15 +13,16 @@
 //! demonstrated angle also teaches its neighbours. Positions in the input are within the voxel, not
 //! in the world.
 
-use super::blocks::{block_of_raster, neighbours, raster_of_block};
+use super::blocks::{block_of_raster, raster_of_block};
 use super::{NetworkInput, PoseValues, QValues};
-use crate::nn::{Dense, Spread, tensor};
+use crate::nn::{Activation, Dense, Padding, Spread, Tiles, tensor};
 use crate::perception::{LOW_DIM, VOXEL_CHANNELS};
 use crate::rng::Rng;
 
 use burn::module::Module;
 use burn::tensor::activation::relu;
 use burn::tensor::{Device, Int, Tensor, TensorData};
+use std::sync::Arc;
 
 /// Cells of a 2³ block.
 const BLOCK: usize = 8;
@@ -66,7 +67,32 @@ pub(super) struct FastNetwork {
     translation_of_cell: Dense,
     head: Option<FastHead>,
     #[module(skip)]
-    side: usize,
+    order: Arc<Order>,
+}
+
+/// Where the voxels, cells and blocks of a sample stand: in block order, 4³ voxels a block.
+#[derive(Debug)]
+struct Order {
+    raster_of_row: Vec<usize>,
+    row_of_raster: Vec<i32>,
+    cells: Arc<Tiles>,
+    blocks: Arc<Tiles>,
+}
+
+impl Order {
+    fn new(side: usize) -> Self {
+        let tiles = |side: usize, block: usize| {
+            let rows = block_of_raster(side, block);
+            Arc::new(Tiles::in_order([side; 3], Padding::Replicate, &rows))
+        };
+        let row_of_raster = block_of_raster(side, 4).into_iter().map(|row| row as i32).collect();
+        Self {
+            raster_of_row: raster_of_block(side, 4),
+            row_of_raster,
+            cells: tiles(side / 2, 2),
+            blocks: tiles(side / 4, 1),
+        }
+    }
 }
 
 impl FastNetwork {
@@ -90,54 +116,54 @@ impl FastNetwork {
             translation: Dense::new(VOXEL_FEATURES, 1, Spread::Zero, device, rng),
             translation_of_cell: Dense::new(c, BLOCK, Spread::Zero, device, rng),
             head: head.map(|head| FastHead::new(sizes, head, device, rng)),
-            side,
+            order: Arc::new(Order::new(side)),
         }
     }
 
     pub(super) fn forward(&self, input: NetworkInput) -> QValues {
-        let [n, channels, n_voxels] = input.voxels.dims();
+        let [n, n_voxels, channels] = input.voxels.dims();
         let device = input.voxels.device();
-        let [half, quarter] = [self.side / 2, self.side / 4];
-        let voxels = input.voxels.swap_dims(1, 2).reshape([n * n_voxels, channels]);
-        // Block order, 4³ voxels a block: the reshapes below gather the 2³ children of a cell or
-        // block.
-        let voxels = voxels.select(0, per_sample(&raster_of_block(self.side, 4), n, &device));
-        let n_cells = n * half * half * half;
-        let n_blocks = n * quarter * quarter * quarter;
-        let near_cells = near_rows(half, 2, n, &device);
+        let [n_cells, n_blocks] = [n * n_voxels / BLOCK, n * n_voxels / (BLOCK * BLOCK)];
+        let order = &self.order;
 
-        let stem = relu(self.stem.forward(voxels.clone().reshape([n_cells, BLOCK * channels])));
-        let cells = relu(self.cells.forward(gather_near(stem, &near_cells)));
+        // In block order, reshapes gather the 2³ children of a cell or block.
+        let children = input.voxels.clone().reshape([n_cells, BLOCK * channels]);
+        let stem = self.stem.activated(children, Activation::Relu);
+        let cells = self.cells.convolved(stem, &order.cells, Activation::Relu);
         let [_, c] = cells.dims();
         let down = self.down.forward(cells.clone().reshape([n_blocks, BLOCK * c]));
         let [_, b] = down.dims();
         let proprio = self.proprio.forward(input.proprio).reshape([n, 1, b]);
         let down = relu(down.reshape([n, n_blocks / n, b]) + proprio).reshape([n_blocks, b]);
-        let blocks = relu(
-            self.blocks.forward(gather_near(down.clone(), &near_rows(quarter, 1, n, &device))),
-        ) + down;
+        let blocks = self.blocks.convolved(down.clone(), &order.blocks, Activation::Relu) + down;
         let up = self.up.forward(blocks.clone()).reshape([n_cells, c]);
         let merged = relu(up + cells);
-        let merged = relu(self.merge.forward(gather_near(merged.clone(), &near_cells))) + merged;
+        let merged = self.merge.convolved(merged.clone(), &order.cells, Activation::Relu) + merged;
         let spread = self.spread.forward(merged.clone()).reshape([n * n_voxels, VOXEL_FEATURES]);
-        let values = self.translation.forward(relu(spread + self.own.forward(voxels)));
+        let own = self.own.forward(input.voxels.reshape([n * n_voxels, channels]));
+        let values = self.translation.forward(relu(spread + own)).reshape([n, n_voxels]);
         let values =
-            values + self.translation_of_cell.forward(merged.clone()).reshape([n * n_voxels, 1]);
-        let translation = values
-            .select(0, per_sample(&block_of_raster(self.side, 4), n, &device))
-            .reshape([n, n_voxels]);
+            values + self.translation_of_cell.forward(merged.clone()).reshape([n, n_voxels]);
+        let rows = Tensor::<1, Int>::from_data(
+            TensorData::new(order.row_of_raster.clone(), [n_voxels]),
+            &device,
+        );
         QValues {
-            translation,
+            translation: values.select(1, rows),
             pose: self.head.as_ref().map(|head| head.forward(blocks, merged, n)),
         }
+    }
+
+    /// Raster index of the voxel that stands in each row of the input.
+    pub(super) fn raster_of_row(&self) -> &[usize] {
+        &self.order.raster_of_row
     }
 
     /// Multiply-accumulates of one forward pass of one sample, about: one for each weight and bias
     /// wherever it is applied.
     pub(super) fn macs(&self) -> usize {
-        let [half, quarter] = [self.side / 2, self.side / 4];
-        let cells = half * half * half;
-        let blocks = quarter * quarter * quarter;
+        let cells = self.order.raster_of_row.len() / BLOCK;
+        let blocks = cells / BLOCK;
         let per_cell =
             [&self.stem, &self.cells, &self.merge, &self.spread, &self.translation_of_cell]
                 .map(Module::num_params)
@@ -189,11 +215,11 @@ impl FastHead {
     ///
     /// - `blocks`: `[B * blocks, block_channels]`, `cells`: `[B * cells, cell_channels]`
     fn forward(&self, blocks: Tensor<2>, cells: Tensor<2>, n: usize) -> PoseValues {
-        let in_place = relu(self.narrow.forward(blocks.clone()));
+        let in_place = self.narrow.activated(blocks.clone(), Activation::Relu);
         let [n_rows, channels] = in_place.dims();
         let in_place = in_place.reshape([n, n_rows / n * channels]);
         let features = Tensor::cat(vec![in_place, pool(blocks, n), pool(cells, n)], 1);
-        let hidden = relu(self.hidden.forward(features));
+        let hidden = self.hidden.activated(features, Activation::Relu);
         let device = hidden.device();
         let coefficients =
             self.rotation.forward(hidden.clone()).reshape([3 * n, 2 * self.harmonics + 1]);
@@ -221,27 +247,6 @@ fn pool(features: Tensor<2>, n: usize) -> Tensor<2> {
     let features = features.reshape([n, n_rows / n, channels]);
     Tensor::cat(vec![features.clone().mean_dim(1), features.max_dim(1)], 2)
         .reshape([n, 2 * channels])
-}
-
-/// Rows of all 27 neighbours of each row, for `n` samples.
-fn near_rows(side: usize, block: usize, n: usize, device: &Device) -> Tensor<1, Int> {
-    per_sample(neighbours(side, block).as_flattened(), n, device)
-}
-
-/// A row index within one sample, repeated for `n` samples that follow each other.
-fn per_sample(index: &[usize], n: usize, device: &Device) -> Tensor<1, Int> {
-    let n_rows = index.iter().max().map_or(0, |last| last + 1);
-    let all = (0..n)
-        .flat_map(|sample| index.iter().map(move |row| (sample * n_rows + row) as i32))
-        .collect::<Vec<_>>();
-    let n_all = all.len();
-    Tensor::from_data(TensorData::new(all, [n_all]), device)
-}
-
-/// Each row beside its neighbours: `[N, C]` to `[N, 27 C]`.
-fn gather_near(features: Tensor<2>, near: &Tensor<1, Int>) -> Tensor<2> {
-    let [n_rows, channels] = features.dims();
-    features.select(0, near.clone()).reshape([n_rows, NEAR * channels])
 }
 
 /// `1, cos θ, sin θ, cos 2θ, …` at the centres of all bins: `[2 H + 1, R]`.

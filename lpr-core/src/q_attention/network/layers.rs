@@ -1,14 +1,13 @@
-//! 3-D convolution with replicate padding.
+//! 3-D convolution of kernels of 1³ and 3³.
 
-use crate::nn::{Spread, tensor};
+use crate::nn::{Activation, Spread, Tiles, convolve, dense, tensor};
 use crate::rng::Rng;
 
 use burn::module::{Module, Param};
-use burn::tensor::module::conv3d;
-use burn::tensor::ops::ConvOptions;
 use burn::tensor::{Device, Tensor};
+use std::sync::Arc;
 
-/// A 3-D convolution with stride 1 and replicate padding, which keeps the grid's size.
+/// A 3-D convolution with stride 1, which keeps the grid's size.
 #[derive(Module, Debug)]
 pub(super) struct Conv3 {
     weight: Param<Tensor<5>>,
@@ -23,6 +22,7 @@ impl Conv3 {
         device: &Device,
         rng: &mut Rng,
     ) -> Self {
+        assert!(kernel == 1 || kernel == 3, "a kernel of {kernel} cubed");
         let volume = kernel * kernel * kernel;
         Self {
             weight: spread.draw(
@@ -38,27 +38,23 @@ impl Conv3 {
 
     /// # Shapes
     ///
-    /// - `x`: `[B, C_in, D, H, W]`
-    /// - output: `[B, C_out, D, H, W]`
-    pub(super) fn forward(&self, x: Tensor<5>) -> Tensor<5> {
+    /// - `x`: `[B * cells, C_in]`, cells in the order of `tiles`
+    /// - output: `[B * cells, C_out]`
+    pub(super) fn forward(
+        &self,
+        x: Tensor<2>,
+        tiles: &Arc<Tiles>,
+        activation: Activation,
+    ) -> Tensor<2> {
         let weight = self.weight.val();
-        let [_, _, kernel, _, _] = weight.dims();
-        let padded = (2..5).fold(x, |x, axis| replicate(x, axis, kernel / 2));
-        conv3d(
-            padded,
-            weight,
-            Some(self.bias.val()),
-            ConvOptions::new([1, 1, 1], [0, 0, 0], [1, 1, 1], 1),
-        )
+        let [c_out, c_in, kernel, _, _] = weight.dims();
+        // Taps first and channels out last, as the operations take them.
+        let rows =
+            weight.permute([2, 3, 4, 1, 0]).reshape([kernel * kernel * kernel * c_in, c_out]);
+        if kernel == 1 {
+            dense(x, rows, self.bias.val(), activation)
+        } else {
+            convolve(x, rows, self.bias.val(), tiles, activation)
+        }
     }
-}
-
-/// Repeats the first and last cell along `axis` `n` times.
-fn replicate(x: Tensor<5>, axis: usize, n: usize) -> Tensor<5> {
-    if n == 0 {
-        return x;
-    }
-    let last = x.dims()[axis] - 1;
-    let [before, after] = [0, last].map(|cell| x.clone().narrow(axis, cell, 1).repeat_dim(axis, n));
-    Tensor::cat(vec![before, x, after], axis)
 }

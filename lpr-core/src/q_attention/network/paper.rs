@@ -7,19 +7,21 @@
 
 use super::layers::Conv3;
 use super::{NetworkInput, PoseValues, QValues};
-use crate::nn::{Dense, Spread, tensor};
+use crate::nn::{Activation, Dense, Padding, Spread, Tiles, tensor};
 use crate::perception::{LOW_DIM, VOXEL_CHANNELS};
 use crate::rng::Rng;
 
 use burn::module::Module;
-use burn::tensor::activation::{leaky_relu, softmax};
+use burn::tensor::activation::softmax;
 use burn::tensor::{Device, Tensor};
+use std::sync::Arc;
 
 /// Slope of the leaky rectifier below zero (released).
-const SLOPE: f64 = 0.02;
+const SLOPE: f32 = 0.02;
+const LEAKY: Activation = Activation::Leaky { slope: SLOPE };
 /// Temperature of the spatial softmax (released).
 const TEMPERATURE: f32 = 0.01;
-const KAIMING: Spread = Spread::Kaiming { slope: SLOPE as f32 };
+const KAIMING: Spread = Spread::Kaiming { slope: SLOPE };
 
 /// Sizes of a [`PaperNetwork`].
 #[derive(Debug, Clone, Copy)]
@@ -42,8 +44,22 @@ pub(super) struct PaperNetwork {
     merge: Conv3,
     translation: Conv3,
     head: Option<PaperHead>,
+    /// Of the whole, half and a quarter of the side.
     #[module(skip)]
+    grids: [Grid; 3],
+}
+
+/// A cubic grid in raster order.
+#[derive(Debug, Clone)]
+struct Grid {
     side: usize,
+    tiles: Arc<Tiles>,
+}
+
+impl Grid {
+    fn new(side: usize) -> Self {
+        Self { side, tiles: Arc::new(Tiles::raster([side; 3], Padding::Replicate)) }
+    }
 }
 
 impl PaperNetwork {
@@ -64,29 +80,31 @@ impl PaperNetwork {
             merge: Conv3::new([2 * c, c, 3], KAIMING, device, rng),
             translation: Conv3::new([c, 1, 3], Spread::Xavier, device, rng),
             head: sizes.rotation_bins.map(|bins| PaperHead::new(sizes, bins, device, rng)),
-            side,
+            grids: [1, 2, 4].map(|division| Grid::new(side / division)),
         }
     }
 
     pub(super) fn forward(&self, input: NetworkInput) -> QValues {
-        let [n, channels, n_voxels] = input.voxels.dims();
-        let side = self.side;
-        let voxels = input.voxels.reshape([n, channels, side, side, side]);
-        let voxels = self.input.forward(&voxels);
-        let proprio = leaky_relu(self.proprio.forward(input.proprio), SLOPE);
+        let [n, n_voxels, channels] = input.voxels.dims();
+        let [full, half, quarter] = &self.grids;
+        let voxels = self.input.forward(&input.voxels.reshape([n * n_voxels, channels]), full);
+        let proprio = self.proprio.activated(input.proprio, LEAKY);
         let [_, c] = proprio.dims();
-        let proprio = proprio.reshape([n, c, 1, 1, 1]).expand([n, c, side, side, side]);
+        let proprio =
+            proprio.reshape([n, 1, c]).expand([n, n_voxels, c]).reshape([n * n_voxels, c]);
 
-        let d0 = self.down[0].forward(&Tensor::cat(vec![voxels, proprio], 1));
-        let d1 = self.down[1].forward(&max_pool(d0.clone()));
-        let d2 = self.down[2].forward(&max_pool(d1.clone()));
-        let u2 = self.up[0].forward(&d2);
-        let u1 = self.up[1].forward(&Tensor::cat(vec![u2, d1.clone()], 1));
-        let last = activated(&self.merge, Tensor::cat(vec![u1, d0.clone()], 1));
-        let translation = self.translation.forward(last.clone()).reshape([n, n_voxels]);
+        let d0 = self.down[0].forward(&Tensor::cat(vec![voxels, proprio], 1), full);
+        let d1 = self.down[1].forward(&max_pool(d0.clone(), full.side), half);
+        let d2 = self.down[2].forward(&max_pool(d1.clone(), half.side), quarter);
+        let u2 = self.up[0].forward(&d2, [quarter, half]);
+        let u1 = self.up[1].forward(&Tensor::cat(vec![u2, d1.clone()], 1), [half, full]);
+        let merged = Tensor::cat(vec![u1, d0.clone()], 1);
+        let last = self.merge.forward(merged, &full.tiles, LEAKY);
+        let translation = self.translation.forward(last.clone(), &full.tiles, Activation::Linear);
+        let maps = [(d0, full), (d1, half), (d2, quarter), (last, full)];
         QValues {
-            translation,
-            pose: self.head.as_ref().map(|head| head.forward([d0, d1, d2, last])),
+            translation: translation.reshape([n, n_voxels]),
+            pose: self.head.as_ref().map(|head| head.forward(maps)),
         }
     }
 
@@ -94,7 +112,8 @@ impl PaperNetwork {
     /// wherever it is applied.
     pub(super) fn macs(&self) -> usize {
         let cells = |division: usize| {
-            (self.side / division) * (self.side / division) * (self.side / division)
+            let side = self.grids[0].side / division;
+            side * side * side
         };
         let full = self.input.num_params()
             + self.down[0].num_params()
@@ -134,11 +153,16 @@ impl Inception {
         }
     }
 
-    fn forward(&self, x: &Tensor<5>) -> Tensor<5> {
-        let through = |convs: &[Conv3]| convs.iter().fold(x.clone(), |x, conv| activated(conv, x));
-        let [point, near, far] =
-            [activated(&self.point, x.clone()), through(&self.near), through(&self.far)];
-        Tensor::cat(vec![point, near, far], 1)
+    /// # Shapes
+    ///
+    /// - `x`: `[B * cells, fan_in]`
+    /// - output: `[B * cells, out]`
+    fn forward(&self, x: &Tensor<2>, grid: &Grid) -> Tensor<2> {
+        let through = |convs: &[Conv3]| {
+            convs.iter().fold(x.clone(), |x, conv| conv.forward(x, &grid.tiles, LEAKY))
+        };
+        let point = self.point.forward(x.clone(), &grid.tiles, LEAKY);
+        Tensor::cat(vec![point, through(&self.near), through(&self.far)], 1)
     }
 }
 
@@ -150,8 +174,8 @@ struct UpBlock {
 }
 
 impl UpBlock {
-    fn forward(&self, x: &Tensor<5>) -> Tensor<5> {
-        self.second.forward(&upsample(self.first.forward(x)))
+    fn forward(&self, x: &Tensor<2>, [small, large]: [&Grid; 2]) -> Tensor<2> {
+        self.second.forward(&upsample(self.first.forward(x, small), small.side), large)
     }
 }
 
@@ -179,15 +203,18 @@ impl PaperHead {
         }
     }
 
-    fn forward(&self, maps: [Tensor<5>; 4]) -> PoseValues {
+    fn forward(&self, maps: [(Tensor<2>, &Grid); 4]) -> PoseValues {
         let features = maps
             .into_iter()
-            .flat_map(|map| [spatial_softmax(map.clone()), global_max(map)])
+            .flat_map(|(map, grid)| {
+                let [n_rows, channels] = map.dims();
+                let n_cells = grid.side * grid.side * grid.side;
+                let map = map.reshape([n_rows / n_cells, n_cells, channels]);
+                [spatial_softmax(map.clone(), grid.side), global_max(map)]
+            })
             .collect();
-        let hidden = self
-            .hidden
-            .iter()
-            .fold(Tensor::cat(features, 1), |x, dense| leaky_relu(dense.forward(x), SLOPE));
+        let hidden =
+            self.hidden.iter().fold(Tensor::cat(features, 1), |x, dense| dense.activated(x, LEAKY));
         let values = self.out.forward(hidden);
         let [n, n_values] = values.dims();
         let rotation =
@@ -196,66 +223,63 @@ impl PaperHead {
     }
 }
 
-fn activated(conv: &Conv3, x: Tensor<5>) -> Tensor<5> {
-    leaky_relu(conv.forward(x), SLOPE)
-}
-
-/// Maximum over 3³ windows with stride 2 and one cell of padding; sides must be even.
-fn max_pool(x: Tensor<5>) -> Tensor<5> {
-    (2..5).fold(x, |x, axis| {
-        let x = x.swap_dims(axis, 4);
-        let [n, c, d, h, w] = x.dims();
-        let pairs = x.reshape([n * c * d * h, w / 2, 2]);
+/// Maximum over 3³ windows with stride 2 and one cell of padding; the side must be even.
+fn max_pool(x: Tensor<2>, side: usize) -> Tensor<2> {
+    let [n_rows, channels] = x.dims();
+    let n = n_rows / (side * side * side);
+    // Along z, y and x: what stands before the axis, and what of one cell of it stands behind.
+    let half = side / 2;
+    let axes =
+        [[n, side * side * channels], [n * half, side * channels], [n * half * half, channels]];
+    let x = axes.into_iter().fold(x, |x, [before, behind]| {
+        let pairs = x.reshape([before, half, 2, behind]);
         let odd = pairs.clone().narrow(2, 1, 1);
         // The window of an even cell starts at the odd one before it; the first has none.
-        let before = Tensor::cat(
-            vec![pairs.clone().narrow(1, 0, 1).narrow(2, 0, 1), odd.narrow(1, 0, w / 2 - 1)],
-            1,
-        );
-        let windows = Tensor::cat(vec![before, pairs], 2).max_dim(2);
-        windows.reshape([n, c, d, h, w / 2]).swap_dims(axis, 4)
-    })
+        let first = pairs.clone().narrow(1, 0, 1).narrow(2, 0, 1);
+        let earlier = Tensor::cat(vec![first, odd.narrow(1, 0, half - 1)], 1);
+        let windows = Tensor::cat(vec![earlier, pairs], 2).max_dim(2);
+        windows.reshape([before * half, behind])
+    });
+    x.reshape([n_rows / 8, channels])
 }
 
 /// Trilinear interpolation to twice the side; corners are not aligned.
-fn upsample(x: Tensor<5>) -> Tensor<5> {
-    (2..5).fold(x, |x, axis| {
-        let x = x.swap_dims(axis, 4);
-        let [n, c, d, h, w] = x.dims();
-        let doubled = x.clone().reshape([n * c * d * h, w]).matmul(doubling(w, &x.device()));
-        doubled.reshape([n, c, d, h, 2 * w]).swap_dims(axis, 4)
-    })
+fn upsample(x: Tensor<2>, side: usize) -> Tensor<2> {
+    let [n_rows, channels] = x.dims();
+    let n = n_rows / (side * side * side);
+    let axes = [
+        [n, side * side * channels],
+        [n * 2 * side, side * channels],
+        [n * 4 * side * side, channels],
+    ];
+    let x = axes.into_iter().fold(x, |x, [before, behind]| {
+        let x = x.reshape([before, side, behind]);
+        let [first, last] = [0, side - 1].map(|cell| x.clone().narrow(1, cell, 1));
+        let earlier = Tensor::cat(vec![first, x.clone().narrow(1, 0, side - 1)], 1);
+        let later = Tensor::cat(vec![x.clone().narrow(1, 1, side - 1), last], 1);
+        let between =
+            [earlier, later].map(|near| (x.clone() * 0.75 + near * 0.25).unsqueeze_dim::<4>(2));
+        Tensor::cat(between.to_vec(), 2).reshape([before * 2 * side, behind])
+    });
+    x.reshape([8 * n_rows, channels])
 }
 
-/// Weights of linear interpolation from `w` cells to `2 w`: `[w, 2 w]`.
-fn doubling(w: usize, device: &Device) -> Tensor<2> {
-    let mut weights = vec![0.0_f32; 2 * w * w];
-    for out in 0..2 * w {
-        let near = out / 2;
-        let other = if out % 2 == 0 { near.saturating_sub(1) } else { (near + 1).min(w - 1) };
-        weights[near * 2 * w + out] += 0.75;
-        weights[other * 2 * w + out] += 0.25;
-    }
-    tensor(weights, [w, 2 * w], device)
-}
-
-/// Expected x, y, z in -1..1 of each channel's softmax: `[B, C, D, H, W]` to `[B, 3 C]`.
-fn spatial_softmax(x: Tensor<5>) -> Tensor<2> {
-    let [n, c, d, h, w] = x.dims();
+/// Expected x, y, z in -1..1 of each channel's softmax: `[B, cells, C]` to `[B, 3 C]`.
+fn spatial_softmax(x: Tensor<3>, side: usize) -> Tensor<2> {
+    let [n, n_cells, c] = x.dims();
     let device = x.device();
-    let attention = softmax(x.reshape([n * c, d * h * w]) / TEMPERATURE, 1);
-    let along = |i: usize, side: usize| 2.0 * i as f32 / (side - 1) as f32 - 1.0;
-    let coordinates = (0..d * h * w)
-        .flat_map(|i| [along(i % w, w), along(i / w % h, h), along(i / (w * h), d)])
-        .collect();
-    let coordinates = tensor(coordinates, [d * h * w, 3], &device);
-    attention.matmul(coordinates).reshape([n, 3 * c])
+    let attention = softmax(x / TEMPERATURE, 1);
+    let along = |i: usize| 2.0 * (i % side) as f32 / (side - 1) as f32 - 1.0;
+    let coordinates =
+        (0..n_cells).flat_map(|i| [along(i), along(i / side), along(i / (side * side))]).collect();
+    let coordinates = tensor::<3>(coordinates, [1, n_cells, 3], &device);
+    attention.swap_dims(1, 2).matmul(coordinates).reshape([n, 3 * c])
 }
 
-/// `[B, C, D, H, W]` to `[B, C]`.
-fn global_max(x: Tensor<5>) -> Tensor<2> {
-    let [n, c, d, h, w] = x.dims();
-    x.reshape([n, c, d * h * w]).max_dim(2).reshape([n, c])
+/// `[B, cells, C]` to `[B, C]`.
+fn global_max(x: Tensor<3>) -> Tensor<2> {
+    let [n, _, c] = x.dims();
+    x.max_dim(1).reshape([n, c])
 }
 
 #[cfg(test)]
@@ -322,7 +346,8 @@ mod tests {
         let leaves = import(network, &weights).expect("its own tensors").train();
         let device = Backend::Flex.device().autodiff();
         let input = NetworkInput {
-            voxels: tensor(wave(2 * 10 * 512, 0.11, 0.5, 1.0), [2, 10, 512], &device),
+            voxels: tensor(wave(2 * 10 * 512, 0.11, 0.5, 1.0), [2, 10, 512], &device)
+                .swap_dims(1, 2),
             proprio: tensor(wave(22, 0.3, 0.0, 1.0), [2, 11], &device),
         };
         let output = leaves.forward(input);

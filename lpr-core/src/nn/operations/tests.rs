@@ -1,0 +1,127 @@
+//! Our operations beside the same of burn's own, values and gradients.
+
+use super::{Activation, Padding, Tiles, convolve, dense, pooled_dense, stock};
+use crate::nn::golden::assert_close;
+use crate::nn::{Backend, tensor, values};
+use crate::rng::{Stream, stream};
+
+use burn::tensor::{Device, Tensor};
+use rand::RngExt as _;
+use std::sync::Arc;
+
+const ACTIVATIONS: [Activation; 3] =
+    [Activation::Linear, Activation::Relu, Activation::Leaky { slope: 0.1 }];
+
+/// Input, weights and bias of a layer, all leaves.
+struct Leaves {
+    x: Tensor<2>,
+    weights: Tensor<2>,
+    bias: Tensor<1>,
+}
+
+impl Leaves {
+    fn new([rows, inputs, fan_in, outputs]: [usize; 4], device: &Device) -> Self {
+        let mut rng = stream(0, Stream::Noise, 1);
+        let mut random =
+            |n: usize| (0..n).map(|_| rng.random_range(-1.0..1.0)).collect::<Vec<f32>>();
+        Self {
+            x: tensor(random(rows * inputs), [rows, inputs], device).require_grad(),
+            weights: tensor(random(fan_in * outputs), [fan_in, outputs], device).require_grad(),
+            bias: tensor(random(outputs), [outputs], device).require_grad(),
+        }
+    }
+
+    /// The output of a layer and the gradients of a loss that weighs all of it differently.
+    fn run(&self, layer: impl Fn(Tensor<2>, Tensor<2>, Tensor<1>) -> Tensor<2>) -> [Vec<f32>; 4] {
+        let y = layer(self.x.clone(), self.weights.clone(), self.bias.clone());
+        let [rows, outputs] = y.dims();
+        let waves = (0..rows * outputs).map(|i| libm::sinf(0.7 * i as f32)).collect();
+        let waves = tensor(waves, [rows, outputs], &y.device());
+        let gradients = (y.clone() * waves).sum().backward();
+        [
+            values(y.inner()),
+            values(self.x.grad(&gradients).expect("a gradient of the input")),
+            values(self.weights.grad(&gradients).expect("a gradient of the weights")),
+            values(self.bias.grad(&gradients).expect("a gradient of the bias")),
+        ]
+    }
+
+    fn compare(
+        &self,
+        ours: impl Fn(Tensor<2>, Tensor<2>, Tensor<1>) -> Tensor<2>,
+        stock: impl Fn(Tensor<2>, Tensor<2>, Tensor<1>) -> Tensor<2>,
+    ) {
+        let parts = ["output", "input", "weights", "bias"];
+        for ((ours, stock), part) in self.run(ours).iter().zip(self.run(stock)).zip(parts) {
+            let scale = stock.iter().fold(1.0_f32, |most, value| most.max(value.abs()));
+            assert_close(part, ours, &stock, 1e-5 * scale);
+        }
+    }
+}
+
+fn device() -> Device {
+    Backend::Flex.device().autodiff()
+}
+
+#[test]
+fn a_dense_layer_is_burns() {
+    for activation in ACTIVATIONS {
+        Leaves::new([21, 13, 13, 9], &device()).compare(
+            |x, w, b| dense(x, w, b, activation),
+            |x, w, b| stock::dense(x, w, b, activation),
+        );
+    }
+}
+
+#[test]
+fn a_convolution_is_burns() {
+    for padding in [Padding::Zero, Padding::Replicate] {
+        let tiles = Arc::new(Tiles::raster([3, 4, 6], padding));
+        for activation in ACTIVATIONS {
+            Leaves::new([2 * 72, 5, 27 * 5, 7], &device()).compare(
+                |x, w, b| convolve(x, w, b, &tiles, activation),
+                |x, w, b| stock::convolve(x, w, b, &tiles, activation),
+            );
+        }
+    }
+}
+
+#[test]
+fn a_pooled_layer_is_burns() {
+    for activation in ACTIVATIONS {
+        Leaves::new([4 * 15, 6, 6, 20], &device()).compare(
+            |x, w, b| pooled_dense(x, 15, w, b, activation),
+            |x, w, b| stock::pooled_dense(x, 15, w, b, activation),
+        );
+    }
+}
+
+#[test]
+fn a_constant_input_gets_no_gradient_and_without_autodiff_the_values_are_the_same() {
+    let leaves = Leaves::new([8, 3, 3, 2], &device());
+    let constant = tensor(values(leaves.x.clone().inner()), [8, 3], &device());
+    let y = dense(constant.clone(), leaves.weights.clone(), leaves.bias.clone(), Activation::Relu);
+    let gradients = y.clone().sum().backward();
+    assert!(constant.grad(&gradients).is_none());
+    assert!(leaves.weights.grad(&gradients).is_some());
+    let plain = dense(
+        constant.inner(),
+        leaves.weights.clone().inner(),
+        leaves.bias.clone().inner(),
+        Activation::Relu,
+    );
+    assert_eq!(values(y.inner()), values(plain));
+}
+
+#[cfg(feature = "ndarray")]
+#[test]
+fn another_device_composes_the_same_of_its_own() {
+    let tiles = Arc::new(Tiles::raster([4, 3, 2], Padding::Replicate));
+    let run = |backend: Backend| {
+        Leaves::new([24, 4, 27 * 4, 3], &backend.device().autodiff())
+            .run(|x, w, b| convolve(x, w, b, &tiles, Activation::Relu))
+    };
+    for (ours, other) in run(Backend::Flex).iter().zip(run(Backend::Ndarray)) {
+        assert_close("convolution", ours, &other, 1e-4);
+    }
+}
