@@ -63,6 +63,11 @@ impl<'a> Matrix<'a> {
         Self { values, rows, columns, stride: columns }
     }
 
+    /// Successive rows.
+    fn part(self, first: usize, rows: usize) -> Self {
+        Self { values: &self.values[first * self.stride..], rows, ..self }
+    }
+
     #[inline(always)]
     fn row(&self, row: usize) -> &'a [f32] {
         &self.values[row * self.stride..row * self.stride + self.columns]
@@ -109,7 +114,14 @@ pub(crate) fn multiply_transposed(level: Level, a: Matrix<'_>, b: Matrix<'_>, c:
 pub(crate) fn accumulate(level: Level, a: Matrix<'_>, b: Matrix<'_>, c: &mut [f32]) {
     assert_eq!(a.rows, b.rows, "rows of both matrices");
     assert_eq!(c.len(), a.columns * b.columns, "a {} x {} result", a.columns, b.columns);
-    dispatch!(level, simd => accumulate_into(simd, a, b, c));
+    // As many rows at once as stay in the first cache beside those of `b`.
+    const NUMBERS: usize = 6144;
+    let most = (NUMBERS / a.columns.max(1)).max(16);
+    for first in (0..a.rows).step_by(most) {
+        let rows = most.min(a.rows - first);
+        let [a, b] = [a, b].map(|matrix| matrix.part(first, rows));
+        dispatch!(level, simd => accumulate_into(simd, a, b, c));
+    }
 }
 
 /// A right matrix in panels as wide as a register tile: `[panel][row][column of the panel]`, zero
