@@ -129,8 +129,8 @@ fn convolution(
                 }
             }
         }
-        for o in 0..c_out {
-            naive.y[row * c_out + o] += f64::from(bias[o]);
+        for (y, bias) in naive.y[row * c_out..(row + 1) * c_out].iter_mut().zip(bias) {
+            *y += f64::from(*bias);
         }
     }
     naive
