@@ -8,6 +8,7 @@ mod stock;
 mod tests;
 
 pub(crate) use super::kernels::Activation;
+use super::kernels::dense::LayerGradients;
 pub(crate) use super::kernels::tiles::{Padding, Tiles};
 use super::kernels::{dense, pooled, winograd};
 
@@ -35,7 +36,7 @@ pub(crate) fn dense(
     activation: Activation,
 ) -> Tensor<2> {
     let ([n, inputs], [_, outputs]) = (x.dims(), weights.dims());
-    let Some(operands) = operands([operand(&x), operand(&weights), operand(&bias)]) else {
+    let Some(operands) = Operands::new(&x, &weights, &bias) else {
         return stock::dense(x, weights, bias, activation);
     };
     let layer = dense::Layer { inputs, outputs, activation };
@@ -57,7 +58,7 @@ pub(crate) fn convolve(
     activation: Activation,
 ) -> Tensor<2> {
     let ([n, inputs], [_, outputs]) = (x.dims(), weights.dims());
-    let Some(operands) = operands([operand(&x), operand(&weights), operand(&bias)]) else {
+    let Some(operands) = Operands::new(&x, &weights, &bias) else {
         return stock::convolve(x, weights, bias, tiles, activation);
     };
     let function = ConvolveFunction { tiles: Arc::clone(tiles), inputs, outputs, activation };
@@ -78,7 +79,7 @@ pub(crate) fn pooled_dense(
     activation: Activation,
 ) -> Tensor<2> {
     let ([n, inputs], [_, outputs]) = (x.dims(), weights.dims());
-    let Some(operands) = operands([operand(&x), operand(&weights), operand(&bias)]) else {
+    let Some(operands) = Operands::new(&x, &weights, &bias) else {
         return stock::pooled_dense(x, members, weights, bias, activation);
     };
     let layer = dense::Layer { inputs, outputs, activation };
@@ -92,14 +93,14 @@ trait Function: Debug + Send + Sync + 'static {
 
     fn forward(&self, operands: [&[f32]; 3]) -> (Vec<f32>, Self::Saved);
 
-    /// The gradients of input, if it is wanted, weights and bias, from the output and its gradient.
+    /// The gradients from the output and its gradient; that of the input only if it is wanted.
     fn backward(
         &self,
         operands: [&[f32]; 3],
         saved: &Self::Saved,
         outputs: [&[f32]; 2],
         with_x: bool,
-    ) -> [Option<Vec<f32>>; 3];
+    ) -> LayerGradients;
 }
 
 #[derive(Debug)]
@@ -118,9 +119,8 @@ impl Function for DenseFunction {
         (): &(),
         [y, dy]: [&[f32]; 2],
         with_x: bool,
-    ) -> [Option<Vec<f32>>; 3] {
-        let gradients = dense::backward(Level::new(), self.0, [x, weights, y, dy], with_x);
-        [gradients.x, Some(gradients.weights), Some(gradients.bias)]
+    ) -> LayerGradients {
+        dense::backward(Level::new(), self.0, [x, weights, y, dy], with_x)
     }
 }
 
@@ -157,12 +157,8 @@ impl Function for ConvolveFunction {
         (): &(),
         [y, dy]: [&[f32]; 2],
         with_x: bool,
-    ) -> [Option<Vec<f32>>; 3] {
-        let sums = dense::before_activation(self.activation, y, dy);
-        let layer = self.layer();
-        let gradients = winograd::backward(Level::new(), layer, [x, weights, &sums], with_x);
-        let bias = dense::sum_of_rows(&sums, self.outputs);
-        [gradients.x, Some(gradients.weights), Some(bias)]
+    ) -> LayerGradients {
+        winograd::backward(Level::new(), self.layer(), [x, weights, y, dy], with_x)
     }
 }
 
@@ -187,48 +183,35 @@ impl Function for PooledFunction {
         saved: &Self::Saved,
         [_, dy]: [&[f32]; 2],
         with_x: bool,
-    ) -> [Option<Vec<f32>>; 3] {
+    ) -> LayerGradients {
         let (layer, members) = (self.layer, self.members);
-        let gradients =
-            pooled::backward(Level::new(), layer, members, [x, weights, dy], saved, with_x);
-        [gradients.x, Some(gradients.weights), Some(gradients.bias)]
+        pooled::backward(Level::new(), layer, members, [x, weights, dy], saved, with_x)
     }
 }
 
 type Plain = FloatTensor<Flex>;
 type Tracked = FloatTensor<Autodiff<Flex>>;
 
-/// A tensor of burn-flex.
-enum Operand {
-    Plain(Plain),
-    Tracked(Tracked),
-}
-
-/// None on another device.
-fn operand<const D: usize>(tensor: &Tensor<D>) -> Option<Operand> {
-    if let Ok(plain) = tensor.clone().try_into_primitive::<Flex>() {
-        return Some(Operand::Plain(plain));
-    }
-    tensor.clone().try_into_primitive::<Autodiff<Flex>>().ok().map(Operand::Tracked)
-}
-
-/// The operands of one operation, all plain or all tracked.
+/// Input, weights and bias on burn-flex, all plain or all tracked.
 enum Operands {
     Plain([Plain; 3]),
     Tracked([Tracked; 3]),
 }
 
-fn operands(operands: [Option<Operand>; 3]) -> Option<Operands> {
-    match operands {
-        [Some(Operand::Plain(x)), Some(Operand::Plain(weights)), Some(Operand::Plain(bias))] => {
-            Some(Operands::Plain([x, weights, bias]))
-        }
-        [
-            Some(Operand::Tracked(x)),
-            Some(Operand::Tracked(weights)),
-            Some(Operand::Tracked(bias)),
-        ] => Some(Operands::Tracked([x, weights, bias])),
-        _ => None,
+impl Operands {
+    /// None on another device.
+    fn new(x: &Tensor<2>, weights: &Tensor<2>, bias: &Tensor<1>) -> Option<Self> {
+        let plain = || {
+            let x = x.clone().try_into_primitive::<Flex>().ok()?;
+            let weights = weights.clone().try_into_primitive::<Flex>().ok()?;
+            Some([x, weights, bias.clone().try_into_primitive::<Flex>().ok()?])
+        };
+        let tracked = || {
+            let x = x.clone().try_into_primitive::<Autodiff<Flex>>().ok()?;
+            let weights = weights.clone().try_into_primitive::<Autodiff<Flex>>().ok()?;
+            Some([x, weights, bias.clone().try_into_primitive::<Autodiff<Flex>>().ok()?])
+        };
+        plain().map(Self::Plain).or_else(|| tracked().map(Self::Tracked))
     }
 }
 
@@ -318,6 +301,8 @@ impl<F: Function> Backward<Flex, 3> for Step<F> {
             [slice(&output), slice(&dy)],
             ops.parents[0].is_some(),
         );
+        let LayerGradients { x, weights, bias } = found;
+        let found = [x, Some(weights), Some(bias)];
         for ((parent, gradient), operand) in ops.parents.iter().zip(found).zip(&operands) {
             if let (Some(parent), Some(gradient)) = (parent, gradient) {
                 let shape = operand.layout().shape().clone();

@@ -14,9 +14,7 @@ use crate::nn::{
     Adam, AdamSettings, AdamState, Backend, GradientClip, NamedTensor, ParameterGradients, export,
     import, in_halves, mix, parameter_gradients, sum_of_gradients, tensor, values as floats,
 };
-use crate::perception::{
-    LOW_DIM, Proprio, VOXEL_CHANNELS, VoxelBounds, VoxelGrid, VoxelIndex, VoxelSpace,
-};
+use crate::perception::{VoxelBounds, VoxelGrid, VoxelIndex, VoxelSpace};
 use crate::rng::Rng;
 use crate::robot::Gripper;
 
@@ -184,7 +182,7 @@ impl QAttention {
                 self.codec.zoom(depth_idx, center).expect("there is a space for each depth");
             let grid = VoxelGrid::voxelise(observation.colored_points(), space);
             let network = depth.network(weights);
-            let values = network.forward(network_input(
+            let values = network.forward(NetworkInput::new(
                 network,
                 core::slice::from_ref(&grid),
                 &[observation.proprio],
@@ -384,7 +382,7 @@ impl QAttention {
             .collect::<Vec<_>>();
         let proprio = going_on.iter().map(|&i| batch[i].moved_proprio(next(i))).collect::<Vec<_>>();
         let depth = &self.depths[depth_idx];
-        let input = network_input(&depth.online, &grids, &proprio, &self.device);
+        let input = NetworkInput::new(&depth.online, &grids, &proprio, &self.device);
         let best = Choices::best(&depth.online.forward(input.clone()));
         let values = chosen_values(&depth.target.forward(input), &best).mean_dim(1);
         (floats(values), ints(best.voxel))
@@ -409,7 +407,7 @@ impl QAttention {
             .map(|sample| sample.moved_proprio(sample.sample.observation))
             .collect::<Vec<_>>();
         let leaves = self.depths[depth_idx].online.clone().train();
-        let values = leaves.forward(network_input(&leaves, &grids, &proprio, &device));
+        let values = leaves.forward(NetworkInput::new(&leaves, &grids, &proprio, &device));
         let choices = labels(depth_idx, batch, values.pose.is_some(), &device);
         let loss_weights = LossWeights {
             translation: self.settings.translation_regularisation[depth_idx],
@@ -472,50 +470,6 @@ fn add_priorities(priorities: &mut [f32], huber: &[f32], times: usize) {
     for (priority, size) in priorities.iter_mut().zip(sizes) {
         *priority += times as f32 * size / most;
     }
-}
-
-/// Grids and proprioception as one batch.
-fn network_input(
-    network: &QNetwork,
-    grids: &[VoxelGrid],
-    proprio: &[Proprio],
-    device: &Device,
-) -> NetworkInput {
-    let n_voxels = grids.first().map_or(0, |grid| grid.space.n_voxels());
-    let mut voxels = Vec::with_capacity(grids.len() * n_voxels * VOXEL_CHANNELS);
-    for grid in grids {
-        match network.raster_of_row() {
-            Some(raster_of_row) => {
-                let half_voxel = 0.5 * grid.space.voxel_size();
-                voxels.extend(
-                    raster_of_row.iter().flat_map(|&flat| centered(grid, flat, half_voxel)),
-                );
-            }
-            None => voxels.extend((0..n_voxels).flat_map(|flat| grid.voxel(flat))),
-        }
-    }
-    let low_dim = proprio.iter().flat_map(Proprio::low_dim).collect();
-    NetworkInput {
-        voxels: tensor(voxels, [grids.len(), n_voxels, VOXEL_CHANNELS], device),
-        proprio: tensor(low_dim, [proprio.len(), LOW_DIM], device),
-    }
-}
-
-/// The channels of a voxel with its mean position as fractions from its centre, -1 to 1, instead of
-/// metres in the world; zero where nothing is.
-///
-/// A lesson from one place then holds at every other, and a millimetre is not lost beside a
-/// metre.
-fn centered(grid: &VoxelGrid, flat: usize, half_voxel: Vec3) -> [f32; VOXEL_CHANNELS] {
-    let mut channels = grid.voxel(flat);
-    let voxel = grid.space.voxel_from_flat(flat);
-    if grid.is_occupied(voxel) {
-        let center = grid.space.point_from_voxel(voxel);
-        for axis in 0..3 {
-            channels[axis] = (channels[axis] - center[axis]) / half_voxel[axis];
-        }
-    }
-    channels
 }
 
 fn indices<const D: usize>(values: Vec<i32>, shape: [usize; D], device: &Device) -> Tensor<D, Int> {

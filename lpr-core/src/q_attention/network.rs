@@ -2,26 +2,19 @@
 
 mod blocks;
 mod fast;
+mod input;
 mod layers;
 mod paper;
 
 use super::settings::{NetworkSettings, QAttentionSettings};
 use crate::rng::Rng;
+pub use input::NetworkInput;
+
 use fast::{FastHeadSizes, FastNetwork, FastSizes};
 use paper::{PaperNetwork, PaperSizes};
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
-
-/// Input of the network of one depth.
-#[derive(Debug, Clone)]
-pub struct NetworkInput {
-    /// `[B, D H W, 10]`: the channels of [`crate::perception::VoxelGrid`] for each voxel, in the
-    /// order of [`QNetwork::raster_of_row`].
-    pub voxels: Tensor<3>,
-    /// `[B, 11]`: what the arm knows of itself.
-    pub proprio: Tensor<2>,
-}
 
 /// The values that the network of one depth gives.
 #[derive(Debug, Clone)]

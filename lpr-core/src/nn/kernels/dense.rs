@@ -33,9 +33,9 @@ pub(crate) fn forward(
     y
 }
 
-/// The gradients of a layer.
+/// The gradients of a layer of any kind.
 #[derive(Debug)]
-pub(crate) struct Gradients {
+pub(crate) struct LayerGradients {
     /// None where it was not asked for.
     pub(crate) x: Option<Vec<f32>>,
     pub(crate) weights: Vec<f32>,
@@ -48,7 +48,7 @@ pub(crate) fn backward(
     layer: Layer,
     [x, weights, y, dy]: [&[f32]; 4],
     with_x: bool,
-) -> Gradients {
+) -> LayerGradients {
     let Layer { inputs, outputs, activation } = layer;
     let rows = x.len() / inputs;
     let sums = before_activation(activation, y, dy);
@@ -60,7 +60,7 @@ pub(crate) fn backward(
         multiply_transposed(level, dy, Matrix::new(weights, inputs, outputs), &mut dx);
         dx
     });
-    Gradients { x: dx, weights: dw, bias: sum_of_rows(&sums, outputs) }
+    LayerGradients { x: dx, weights: dw, bias: sum_of_rows(&sums, outputs) }
 }
 
 /// The gradient of what entered the activation.

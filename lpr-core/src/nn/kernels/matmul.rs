@@ -5,21 +5,34 @@
 //! inner index in ascending order, whatever the tile and the number of rows, so that a row does not
 //! depend on the rows beside it. Wider vectors may fuse multiplication and addition.
 
+mod accumulate;
+mod few_rows;
+
+pub(super) use accumulate::{accumulate, accumulate_into};
+
 use crate::lanes::{Floats, splat};
+use few_rows::{FEW_ROWS, add_scaled_rows, multiply_few_rows};
 
 use fearless_simd::{Level, Simd, SimdBase as _, SimdFloat as _, dispatch};
 
-/// Vectors of a register tile.
-#[inline(always)]
-pub(super) const fn tile_vectors<S: Simd>() -> usize {
-    if Floats::<S>::LEN >= 8 { 2 } else { 4 }
-}
-
-/// Columns of a register tile.
+/// Columns of a register tile: those of the vectors that [`by_tile`] gives it.
 #[inline(always)]
 pub(super) const fn tile_width<S: Simd>() -> usize {
-    tile_vectors::<S>() * Floats::<S>::LEN
+    if Floats::<S>::LEN >= 8 { 2 * Floats::<S>::LEN } else { 4 * Floats::<S>::LEN }
 }
+
+/// Calls a function generic over the rows and vectors of a register tile with as many as leave
+/// registers for a row of the right matrix and one number of the left.
+macro_rules! by_tile {
+    ($function:ident::<$simd:ident>($($argument:expr),*)) => {
+        match Floats::<$simd>::LEN {
+            16.. => $function::<$simd, 12, 2>($($argument),*),
+            8 => $function::<$simd, 6, 2>($($argument),*),
+            _ => $function::<$simd, 3, 4>($($argument),*),
+        }
+    };
+}
+pub(super) use by_tile;
 
 /// What becomes of a sum before it is stored.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -74,9 +87,6 @@ impl<'a> Matrix<'a> {
     }
 }
 
-/// Below as many rows, packing the right matrix takes longer than its product.
-const FEW_ROWS: usize = 16;
-
 /// `a b + bias`, activated, into the rows of `c` without gaps.
 pub(crate) fn multiply(
     level: Level,
@@ -108,20 +118,6 @@ pub(crate) fn multiply_transposed(level: Level, a: Matrix<'_>, b: Matrix<'_>, c:
         let mut memory = Vec::new();
         multiply_panels(simd, a, pack_transposed(simd, b, &mut memory), store, c);
     });
-}
-
-/// Adds `aᵀ b` to `c`, which has no gaps.
-pub(crate) fn accumulate(level: Level, a: Matrix<'_>, b: Matrix<'_>, c: &mut [f32]) {
-    assert_eq!(a.rows, b.rows, "rows of both matrices");
-    assert_eq!(c.len(), a.columns * b.columns, "a {} x {} result", a.columns, b.columns);
-    // As many rows at once as stay in the first cache beside those of `b`.
-    const NUMBERS: usize = 6144;
-    let most = (NUMBERS / a.columns.max(1)).max(16);
-    for first in (0..a.rows).step_by(most) {
-        let rows = most.min(a.rows - first);
-        let [a, b] = [a, b].map(|matrix| matrix.part(first, rows));
-        dispatch!(level, simd => accumulate_into(simd, a, b, c));
-    }
 }
 
 /// A right matrix in panels as wide as a register tile: `[panel][row][column of the panel]`, zero
@@ -201,93 +197,7 @@ pub(super) fn multiply_panels<S: Simd>(
     if a.columns == 0 || a.rows == 0 {
         return;
     }
-    let n = Floats::<S>::LEN;
-    // As many sums as the registers hold beside a row of the panel and one number of `a`.
-    if n >= 16 {
-        multiply_tiles::<S, 12, 2>(simd, a, panels, store, c);
-    } else if n == 8 {
-        multiply_tiles::<S, 6, 2>(simd, a, panels, store, c);
-    } else {
-        multiply_tiles::<S, 3, 4>(simd, a, panels, store, c);
-    }
-}
-
-/// The product of few rows with `b` as it lies: row after row of `b` times a number of each.
-#[inline(always)]
-fn multiply_few_rows<S: Simd>(
-    simd: S,
-    a: Matrix<'_>,
-    b: Matrix<'_>,
-    store: Store<'_>,
-    c: &mut [f32],
-) {
-    let n = Floats::<S>::LEN;
-    for (row, c) in c.chunks_exact_mut(b.columns.max(1)).enumerate() {
-        let a = a.row(row);
-        c.fill(0.0);
-        let mut k = 0;
-        while k + 4 <= b.rows {
-            let rows = [b.row(k), b.row(k + 1), b.row(k + 2), b.row(k + 3)];
-            add_scaled_rows::<S, 4>(simd, &a[k..k + 4], rows, c);
-            k += 4;
-        }
-        while k < b.rows {
-            add_scaled_rows::<S, 1>(simd, &a[k..=k], [b.row(k)], c);
-            k += 1;
-        }
-        let mut first = 0;
-        while first < b.columns {
-            let part = first..b.columns.min(first + n);
-            let bias = match store.bias {
-                Some(bias) => load_part(simd, &bias[part.clone()]),
-                None => splat(simd, 0.0),
-            };
-            let sum = load_part(simd, &c[part.clone()]) + bias;
-            store_part(simd, store.activation.apply(simd, sum), &mut c[part]);
-            first += n;
-        }
-    }
-}
-
-/// Adds `factors` times `rows` to `c`, in their order.
-#[inline(always)]
-fn add_scaled_rows<S: Simd, const R: usize>(
-    simd: S,
-    factors: &[f32],
-    rows: [&[f32]; R],
-    c: &mut [f32],
-) {
-    let n = Floats::<S>::LEN;
-    let columns = c.len();
-    let mut parts = [rows[0]; R];
-    let mut vectors = [splat(simd, 0.0); R];
-    let mut r = 0;
-    while r < R {
-        parts[r] = &rows[r][..columns];
-        vectors[r] = splat(simd, factors[r]);
-        r += 1;
-    }
-    let mut first = 0;
-    while first + n <= columns {
-        let mut sum = Floats::<S>::from_slice(simd, &c[first..first + n]);
-        let mut r = 0;
-        while r < R {
-            let right = Floats::<S>::from_slice(simd, &parts[r][first..first + n]);
-            sum = vectors[r].mul_add(right, sum);
-            r += 1;
-        }
-        sum.store_slice(&mut c[first..first + n]);
-        first += n;
-    }
-    if first < columns {
-        let mut sum = load_part(simd, &c[first..]);
-        let mut r = 0;
-        while r < R {
-            sum = vectors[r].mul_add(load_part(simd, &parts[r][first..]), sum);
-            r += 1;
-        }
-        store_part(simd, sum, &mut c[first..]);
-    }
+    by_tile!(multiply_tiles::<S>(simd, a, panels, store, c));
 }
 
 #[inline(always)]
@@ -395,129 +305,60 @@ pub(super) fn tile_sums<S: Simd, const R: usize, const V: usize>(
     let mut sums = [[splat(simd, 0.0); V]; R];
     let panel = &place.panels.0[place.first * k..][..k * V * n];
     for (i, right) in panel.chunks_exact(V * n).enumerate() {
-        let mut vectors = [splat(simd, 0.0); V];
-        let mut v = 0;
-        while v < V {
-            vectors[v] = Floats::<S>::from_slice(simd, &right[v * n..(v + 1) * n]);
-            v += 1;
-        }
+        let vectors = load_vectors::<S, V>(simd, right);
         let mut r = 0;
         while r < R {
-            let left = splat(simd, rows[r][i]);
-            let mut v = 0;
-            while v < V {
-                sums[r][v] = left.mul_add(vectors[v], sums[r][v]);
-                v += 1;
-            }
+            add_product(simd, rows[r][i], &vectors, &mut sums[r]);
             r += 1;
         }
     }
     sums
 }
 
-/// Adds `aᵀ b` to the rows of `c`, which has no gaps.
+/// `V` vectors of successive numbers.
 #[inline(always)]
-pub(super) fn accumulate_into<S: Simd>(simd: S, a: Matrix<'_>, b: Matrix<'_>, c: &mut [f32]) {
+fn load_vectors<S: Simd, const V: usize>(simd: S, numbers: &[f32]) -> [Floats<S>; V] {
     let n = Floats::<S>::LEN;
-    if n >= 16 {
-        accumulate_columns::<S, 12, 2>(simd, a, b, c);
-    } else if n == 8 {
-        accumulate_columns::<S, 6, 2>(simd, a, b, c);
-    } else {
-        accumulate_columns::<S, 4, 2>(simd, a, b, c);
+    let mut vectors = [splat(simd, 0.0); V];
+    let mut v = 0;
+    while v < V {
+        vectors[v] = Floats::<S>::from_slice(simd, &numbers[v * n..(v + 1) * n]);
+        v += 1;
+    }
+    vectors
+}
+
+/// Adds `left` times `right`.
+#[inline(always)]
+fn add_product<S: Simd, const V: usize>(
+    simd: S,
+    left: f32,
+    right: &[Floats<S>; V],
+    sums: &mut [Floats<S>; V],
+) {
+    let left = splat(simd, left);
+    let mut v = 0;
+    while v < V {
+        sums[v] = left.mul_add(right[v], sums[v]);
+        v += 1;
     }
 }
 
+/// `to += factor from`.
 #[inline(always)]
-fn accumulate_columns<S: Simd, const R: usize, const V: usize>(
-    simd: S,
-    a: Matrix<'_>,
-    b: Matrix<'_>,
-    c: &mut [f32],
-) {
-    let n = Floats::<S>::LEN;
-    let mut column = 0;
-    while column + V * n <= b.columns {
-        accumulate_rows::<S, R, V>(simd, a, b, column, c);
-        column += V * n;
-    }
-    while column < b.columns {
-        accumulate_rows::<S, R, 1>(simd, a, b, column, c);
-        column += n;
-    }
+pub(super) fn add_scaled<S: Simd>(simd: S, factor: f32, from: &[f32], to: &mut [f32]) {
+    add_scaled_rows::<S, 1>(simd, &[factor], [from], to);
 }
 
-#[inline(always)]
-fn accumulate_rows<S: Simd, const R: usize, const V: usize>(
-    simd: S,
-    a: Matrix<'_>,
-    b: Matrix<'_>,
-    column: usize,
-    c: &mut [f32],
-) {
-    let mut k = 0;
-    while k + R <= a.columns {
-        accumulate_tile::<S, R, V>(simd, a, b, [k, column], c);
-        k += R;
-    }
-    while k + 2 <= a.columns {
-        accumulate_tile::<S, 2, V>(simd, a, b, [k, column], c);
-        k += 2;
-    }
-    if k < a.columns {
-        accumulate_tile::<S, 1, V>(simd, a, b, [k, column], c);
-    }
-}
-
-/// Adds to `R` rows and `V` vectors of `c` from row `k` and `column` on. Only one vector may reach
-/// beyond the last column.
-#[inline(always)]
-fn accumulate_tile<S: Simd, const R: usize, const V: usize>(
-    simd: S,
-    a: Matrix<'_>,
-    b: Matrix<'_>,
-    [k, column]: [usize; 2],
-    c: &mut [f32],
-) {
-    let n = Floats::<S>::LEN;
-    let mut sums = [[splat(simd, 0.0); V]; R];
-    let filled = n.min(b.columns - column);
-    for row in 0..a.rows {
-        let left = &a.values[row * a.stride + k..][..R];
-        let right = &b.values[row * b.stride + column..];
-        let mut vectors = [splat(simd, 0.0); V];
-        if V == 1 {
-            vectors[0] = load_part(simd, &right[..filled]);
-        } else {
-            let right = &right[..V * n];
-            let mut v = 0;
-            while v < V {
-                vectors[v] = Floats::<S>::from_slice(simd, &right[v * n..(v + 1) * n]);
-                v += 1;
-            }
-        }
-        let mut r = 0;
-        while r < R {
-            let left = splat(simd, left[r]);
-            let mut v = 0;
-            while v < V {
-                sums[r][v] = left.mul_add(vectors[v], sums[r][v]);
-                v += 1;
-            }
-            r += 1;
+/// `[rows, columns]` as `[columns, rows]`.
+pub(super) fn transposed(matrix: &[f32], rows: usize, columns: usize) -> Vec<f32> {
+    let mut result = vec![0.0; matrix.len()];
+    for (row, values) in matrix.chunks_exact(columns).enumerate() {
+        for (column, &value) in values.iter().enumerate() {
+            result[column * rows + row] = value;
         }
     }
-    let mut r = 0;
-    while r < R {
-        let mut v = 0;
-        while v < V {
-            let begin = (k + r) * b.columns + column + v * n;
-            let place = &mut c[begin..begin + filled];
-            store_part(simd, load_part(simd, place) + sums[r][v], place);
-            v += 1;
-        }
-        r += 1;
-    }
+    result
 }
 
 /// The numbers of `part`, at most a vector, then zeros.

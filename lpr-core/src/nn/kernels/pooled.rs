@@ -4,11 +4,13 @@
 //! is in registers. The gradient goes through the maxima only, of which a set has as many as
 //! outputs, however many members.
 
-use super::dense::{Gradients, Layer, before_activation, sum_of_rows};
-use super::matmul::{Matrix, Panels, Place, pack, tile_sums, tile_width};
+use super::dense::{Layer, LayerGradients, before_activation, sum_of_rows};
+use super::matmul::{
+    Matrix, Panels, Place, add_scaled, by_tile, load_part, pack, tile_sums, tile_width, transposed,
+};
 use crate::lanes::{Floats, splat};
 
-use fearless_simd::{Level, Select as _, Simd, SimdBase as _, SimdFloat as _, dispatch};
+use fearless_simd::{Level, Select as _, Simd, SimdBase as _, dispatch};
 
 /// Maxima, and the member that each came from.
 #[derive(Debug, Clone)]
@@ -65,14 +67,7 @@ fn pool<S: Simd>(
     values: &mut [f32],
     members: &mut [u32],
 ) {
-    let n = Floats::<S>::LEN;
-    if n >= 16 {
-        pool_tiles::<S, 12, 2>(simd, layer, x, right, values, members);
-    } else if n == 8 {
-        pool_tiles::<S, 6, 2>(simd, layer, x, right, values, members);
-    } else {
-        pool_tiles::<S, 3, 4>(simd, layer, x, right, values, members);
-    }
+    by_tile!(pool_tiles::<S>(simd, layer, x, right, values, members));
 }
 
 /// Maxima so far of a panel, and the members that they came from.
@@ -109,10 +104,8 @@ fn pool_tiles<S: Simd, const R: usize, const V: usize>(
         while v < V && first + v * n < layer.outputs {
             let begin = first + v * n;
             let end = layer.outputs.min(begin + n);
-            let mut padded = [0.0; 16];
-            padded[..end - begin].copy_from_slice(&right.bias[begin..end]);
-            let sum = best[0][v] + Floats::<S>::from_slice(simd, &padded[..n]);
-            let activated = layer.activation.apply(simd, sum);
+            let bias = load_part(simd, &right.bias[begin..end]);
+            let activated = layer.activation.apply(simd, best[0][v] + bias);
             for lane in 0..end - begin {
                 values[begin + lane] = activated[lane];
                 members[begin + lane] = best[1][v][lane] as u32;
@@ -155,7 +148,7 @@ pub(crate) fn backward(
     [x, weights, dy]: [&[f32]; 3],
     maxima: &Maxima,
     with_x: bool,
-) -> Gradients {
+) -> LayerGradients {
     let Layer { inputs, outputs, activation } = layer;
     let sums = before_activation(activation, &maxima.values, dy);
     let columns = transposed(weights, inputs, outputs);
@@ -177,34 +170,5 @@ pub(crate) fn backward(
         }
     });
     let bias = sum_of_rows(&sums, outputs);
-    Gradients { x: dx, weights: transposed(&dw, outputs, inputs), bias }
-}
-
-/// `to += factor from`.
-#[inline(always)]
-fn add_scaled<S: Simd>(simd: S, factor: f32, from: &[f32], to: &mut [f32]) {
-    let n = Floats::<S>::LEN;
-    let vector = splat(simd, factor);
-    let whole = from.len() / n * n;
-    let mut i = 0;
-    while i < whole {
-        let place = &mut to[i..i + n];
-        let sum = Floats::<S>::from_slice(simd, place);
-        vector.mul_add(Floats::<S>::from_slice(simd, &from[i..i + n]), sum).store_slice(place);
-        i += n;
-    }
-    for i in whole..from.len() {
-        to[i] += factor * from[i];
-    }
-}
-
-/// `[rows, columns]` as `[columns, rows]`.
-fn transposed(matrix: &[f32], rows: usize, columns: usize) -> Vec<f32> {
-    let mut result = vec![0.0; matrix.len()];
-    for (row, values) in matrix.chunks_exact(columns).enumerate() {
-        for (column, &value) in values.iter().enumerate() {
-            result[column * rows + row] = value;
-        }
-    }
-    result
+    LayerGradients { x: dx, weights: transposed(&dw, outputs, inputs), bias }
 }

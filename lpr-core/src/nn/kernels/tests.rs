@@ -1,5 +1,5 @@
 use super::dense;
-use super::matmul::{Activation, Matrix, accumulate, multiply, multiply_transposed};
+use super::matmul::{Activation, Matrix, accumulate, multiply, multiply_transposed, transposed};
 use super::pooled;
 use super::tiles::{Padding, Tiles};
 use super::winograd;
@@ -45,10 +45,6 @@ fn product(a: &[f32], b: &[f32], [m, k, n]: [usize; 3]) -> Vec<f64> {
     (0..m).flat_map(|i| (0..n).map(move |j| entry(i, j))).collect()
 }
 
-fn transposed(matrix: &[f32], columns: usize) -> Vec<f32> {
-    (0..columns).flat_map(|j| matrix.iter().skip(j).step_by(columns).copied()).collect()
-}
-
 #[test]
 fn products_are_the_sums_at_every_level() {
     let rng = &mut rng();
@@ -66,13 +62,13 @@ fn products_are_the_sums_at_every_level() {
                     .collect::<Vec<_>>();
                 assert_near(&format!("{m} x {k} x {n}, {level:?}"), &c, &expected);
             }
-            let b_transposed = transposed(&b, n);
+            let b_transposed = transposed(&b, k, n);
             let mut c = vec![f32::NAN; m * n];
             let right = Matrix::new(&b_transposed, n, k);
             multiply_transposed(level, Matrix::new(&a, m, k), right, &mut c);
             assert_near("a bT", &c, &product(&a, &b, [m, k, n]));
 
-            let a_transposed = transposed(&a, k);
+            let a_transposed = transposed(&a, m, k);
             let mut c = vec![1.0; m * n];
             accumulate(level, Matrix::new(&a_transposed, k, m), Matrix::new(&b, k, n), &mut c);
             let expected = product(&a, &b, [m, k, n]).into_iter().map(|sum| sum + 1.0);
@@ -188,10 +184,10 @@ fn winograds_convolution_and_its_gradients_are_the_sums_at_every_level() {
             };
             let what = format!("{dims:?}, {c_in} to {c_out}, {level:?}");
             assert_near(&what, &winograd::forward(level, layer, &x, &w, &bias), &expected.y);
-            let gradients = winograd::backward(level, layer, [&x, &w, &dy], true);
+            let gradients = winograd::backward(level, layer, [&x, &w, &dy, &dy], true);
             assert_near(&what, &gradients.x.expect("asked for"), &expected.dx);
             assert_near(&what, &gradients.weights, &expected.dw);
-            let without = winograd::backward(level, layer, [&x, &w, &dy], false);
+            let without = winograd::backward(level, layer, [&x, &w, &dy, &dy], false);
             assert!(without.x.is_none());
             assert_eq!(without.weights, gradients.weights);
         }
@@ -237,6 +233,10 @@ fn what_is_not_a_number_stays_so() {
         assert!(y[0].is_nan());
         let maxima = pooled::forward(Level::new(), layer, 1, [&x, &[0.1; 8], &[0.0]]);
         assert!(maxima.values[0].is_nan());
+        // One of eight members of a set.
+        let layer = dense::Layer { inputs: 1, outputs: 1, activation };
+        let maxima = pooled::forward(Level::new(), layer, 8, [&x, &[0.1], &[0.0]]);
+        assert!(maxima.values[0].is_nan() && maxima.members[0] == 3);
     }
 }
 

@@ -14,6 +14,7 @@
 mod cells;
 mod weights;
 
+use super::dense::{LayerGradients, before_activation, sum_of_rows};
 use super::matmul::{Activation, Matrix, Store, accumulate_into, multiply_panels};
 use super::tiles::Tiles;
 use crate::in_order::each_with_scratch;
@@ -27,12 +28,14 @@ use fearless_simd::{Level, Simd, SimdBase as _, dispatch};
 const PLANES: usize = 64;
 /// Weights of a kernel.
 const TAPS: usize = 27;
-/// Numbers of a slab of `V` or `M`, about: both stay in the second cache of a core.
+/// Numbers of a slab of `V` or `M`, about, so that both stay in the second cache of a core: 2 to 8
+/// times as many took as long.
 const SLAB_NUMBERS: usize = 1 << 15;
 /// Numbers between tiles: a line, so that rows of a plane do not share a place in the first cache.
 const GAP: usize = 16;
-
-/// Below as many multiplications, a second thread starts too late.
+/// Tiles of a slab are a multiple: whole register tiles of any vectors.
+const WHOLE: usize = 12;
+/// Below as many multiplications, some tenths of a millisecond, all is done by the thread that asks.
 const FEW_PRODUCTS: usize = 1 << 24;
 
 /// Sizes of a layer.
@@ -58,7 +61,7 @@ impl<'a> Layer<'a> {
     /// Tiles of a slab, at most, unless a group has more.
     fn slab_tiles(&self) -> usize {
         let channels = self.channels_in.max(self.channels_out).next_multiple_of(16);
-        (SLAB_NUMBERS / (PLANES * channels)).clamp(12, 96) / 12 * 12
+        (SLAB_NUMBERS / (PLANES * channels)).clamp(WHOLE, 8 * WHOLE) / WHOLE * WHOLE
     }
 
     /// All tiles of `n_samples` in slabs of successive rows.
@@ -143,24 +146,17 @@ pub(crate) fn forward(
     y
 }
 
-/// The gradients of a layer.
-#[derive(Debug)]
-pub(crate) struct Gradients {
-    /// None where it was not asked for.
-    pub(crate) x: Option<Vec<f32>>,
-    pub(crate) weights: Vec<f32>,
-}
-
-/// The gradients that belong to `dy`, that of the sum before the activation.
+/// The gradients that belong to `dy`, that of the output `y`.
 pub(crate) fn backward(
     level: Level,
     layer: Layer<'_>,
-    [x, weights, dy]: [&[f32]; 3],
+    [x, weights, y, dy]: [&[f32]; 4],
     with_x: bool,
-) -> Gradients {
+) -> LayerGradients {
     let n_samples = layer.n_samples(x);
     layer.check_weights(weights);
     assert_eq!(dy.len(), n_samples * layer.tiles.n_cells * layer.channels_out, "all outputs");
+    let sums = before_activation(layer.activation, y, dy);
     let slabs = layer.slabs(n_samples);
     dispatch!(level, simd => {
         let mut to_inputs = with_x.then(|| {
@@ -172,9 +168,13 @@ pub(crate) fn backward(
         let mut scratch = Scratch::default();
         for slab in &slabs {
             let to_inputs = to_inputs.as_mut().map(|(u, dx)| (&*u, &mut dx[..]));
-            backward_slab(simd, slab, [x, dy], &mut scratch, &mut du, to_inputs);
+            backward_slab(simd, slab, [x, &sums], &mut scratch, &mut du, to_inputs);
         }
-        Gradients { x: to_inputs.map(|(_, dx)| dx), weights: weight_gradients(simd, layer, &du) }
+        LayerGradients {
+            x: to_inputs.map(|(_, dx)| dx),
+            weights: weight_gradients(simd, layer, &du),
+            bias: sum_of_rows(&sums, layer.channels_out),
+        }
     })
 }
 

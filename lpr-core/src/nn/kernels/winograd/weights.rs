@@ -1,6 +1,6 @@
 //! From weights to products and back: the map `G`.
 
-use super::super::matmul::{Panels, load_part, store_part, tile_width};
+use super::super::matmul::{Panels, load_part, store_part, tile_width, transposed};
 use super::{Layer, PLANES, TAPS};
 use crate::lanes::{Floats, splat};
 
@@ -67,16 +67,8 @@ impl TransformedWeights {
 /// `[27, channels out, channels in]`.
 pub(super) fn transposed_taps(weights: &[f32], layer: Layer<'_>) -> Vec<f32> {
     let [rows, columns] = [layer.channels_in, layer.channels_out];
-    let mut result = vec![0.0; weights.len()];
-    let taps = weights.chunks_exact(rows * columns).zip(result.chunks_exact_mut(rows * columns));
-    for (from, to) in taps {
-        for (row, values) in from.chunks_exact(columns).enumerate() {
-            for (column, &value) in values.iter().enumerate() {
-                to[column * rows + row] = value;
-            }
-        }
-    }
-    result
+    let taps = weights.chunks_exact(rows * columns);
+    taps.map(|tap| transposed(tap, rows, columns)).collect::<Vec<_>>().concat()
 }
 
 #[inline(always)]
