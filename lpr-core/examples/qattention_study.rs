@@ -18,12 +18,11 @@
 
 use std::time::Instant;
 
-use core::f32::consts::PI;
 use core::ops::Range;
 use lpr_core::agent::{Agent, Eyes, Method, PoseSource};
 use lpr_core::config::Config;
 use lpr_core::demo::{DemoEpisode, DemoStep};
-use lpr_core::glamx::Quat;
+use lpr_core::diagnose::PoseError;
 use lpr_core::nn::Backend;
 use lpr_core::robot::XARM7;
 use lpr_core::sim::SimEnvironment;
@@ -101,16 +100,15 @@ fn report(agent: &Agent, truth: &[Vec<DemoEpisode>]) {
             .map(|step| error(agent, step))
             .collect();
         let n = errors.len();
-        let share = |test: &dyn Fn(&Error) -> bool| {
+        let share = |test: &dyn Fn(&PoseError) -> bool| {
             100 * errors.iter().filter(|error| test(error)).count() / n
         };
-        let near = share(&|error| error.distance < 0.02);
-        let right =
-            share(&|error| error.distance < 0.02 && error.angle < 15.0 && error.gripper_is_right);
-        let coarse = share(&|error| error.distance < 0.1);
-        let gripper = share(&|error| error.gripper_is_right);
-        let mut distances: Vec<_> = errors.iter().map(|error| error.distance * 1e3).collect();
-        let mut angles: Vec<_> = errors.iter().map(|error| error.angle).collect();
+        let near = share(&|error| error.position < 0.02);
+        let right = share(&PoseError::is_right);
+        let coarse = share(&|error| error.position < 0.1);
+        let gripper = share(&|error| error.gripper);
+        let mut distances: Vec<_> = errors.iter().map(|error| error.position * 1e3).collect();
+        let mut angles: Vec<_> = errors.iter().map(|error| error.rotation).collect();
         for column in [&mut distances, &mut angles] {
             column.sort_by(f32::total_cmp);
         }
@@ -125,24 +123,7 @@ fn report(agent: &Agent, truth: &[Vec<DemoEpisode>]) {
     }
 }
 
-/// Difference of a choice from the demonstrated keyframe.
-struct Error {
-    /// Metres.
-    distance: f32,
-    /// Degrees, up to the gripper's symmetry.
-    angle: f32,
-    gripper_is_right: bool,
-}
-
-fn error(agent: &Agent, step: &DemoStep) -> Error {
+fn error(agent: &Agent, step: &DemoStep) -> PoseError {
     let chosen = agent.attend(step.observation.clone(), Eyes::Open).pose;
-    let goal = step.goal.pose;
-    let turned = goal.rotation * Quat::from_rotation_z(PI);
-    let angle =
-        [goal.rotation, turned].map(|goal| chosen.pose.rotation.angle_between(goal).to_degrees());
-    Error {
-        distance: chosen.pose.translation.distance(goal.translation),
-        angle: angle[0].min(angle[1]),
-        gripper_is_right: chosen.gripper == step.goal.gripper,
-    }
+    PoseError::between(&chosen, &step.goal)
 }

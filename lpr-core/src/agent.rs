@@ -272,11 +272,9 @@ impl Agent {
         });
         let values = ranker.values(&context(proprio, goal), &paths.collect::<Vec<_>>())?;
         match values.iter().find(|value| !value.is_finite()) {
-            Some(value) => Err(Error::Shape {
-                what: "values of the ranker",
-                expected: "finite numbers".to_owned(),
-                found: value.to_string(),
-            }),
+            Some(value) => {
+                Err(Error::NotFinite { network: "ranker", found: format!("value {value}") })
+            }
             None => Ok(Some(values)),
         }
     }
@@ -322,6 +320,12 @@ impl Agent {
     #[must_use]
     pub const fn candidate_settings(&self) -> &CandidateSettings {
         &self.settings.candidates
+    }
+
+    /// Weights of Q-attention that choose its poses.
+    #[must_use]
+    pub const fn acting_weights(&self) -> ActingNetwork {
+        self.settings.acting_weights
     }
 
     /// Discount of later rewards: `γ` of the ranker.

@@ -32,7 +32,8 @@ impl<E: Environment> Trainer<E> {
     ///
     /// # Errors
     ///
-    /// [`Error::Checkpoint`] when a setting has no representation: a seed from 2⁶³ on.
+    /// [`Error::Checkpoint`] when a setting has no representation (a seed from 2⁶³ on), or a weight
+    /// is not finite.
     pub fn checkpoint(&self) -> Result<Checkpoint> {
         let weights = weights::write(self)?;
         let state = State::of(self, digest::of(&weights)).to_bytes()?;

@@ -41,6 +41,28 @@ pub enum Error {
     /// An unknown task, a scene that cannot be built or placed.
     #[error("environment: {0}")]
     Environment(String),
+    /// A network whose answers are no numbers: it diverged in training.
+    #[error("{network}: its answers are not numbers, found {found}")]
+    NotFinite {
+        /// The network.
+        network: &'static str,
+        /// The first of them that is none.
+        found: String,
+    },
+    /// A network that does not learn any more: its numbers are none, or grow without bound.
+    #[error(
+        "{network}: diverged in update {update}: {found}; batch of rows {rows:?} of the replay"
+    )]
+    Diverged {
+        /// The network.
+        network: &'static str,
+        /// Its updates before this one.
+        update: u64,
+        /// The number at fault.
+        found: String,
+        /// Rows of the replay that the update learned from, by their numbers.
+        rows: Vec<u64>,
+    },
     /// A camera or an arm that failed.
     #[error(transparent)]
     Fault(#[from] Fault),

@@ -3,6 +3,8 @@
 mod best_of_all;
 mod record;
 
+#[cfg(feature = "sim")]
+pub(crate) use best_of_all::best_candidate;
 pub use best_of_all::{Regret, best_of_all, measure_regret};
 pub use record::{RecordedStep, record_episode};
 

@@ -12,13 +12,14 @@
 //!   networks and multiplies the policy's loss by the success of the episode. Where few episodes
 //!   succeed, that leaves the policy next to nothing of a batch.
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::networks::Networks;
 use crate::q_attention::{QAttention, QObservation, QSample};
 use crate::replay::{Draw, Replay, ReplaySettings, Step, Transition};
 use crate::rng::{Rng, Stream, stream};
 
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// The part of an observation that the replay keeps: the input of Q-attention, or nothing with the
 /// demonstrator's poses.
@@ -29,6 +30,10 @@ pub type Row = Transition<Seen>;
 
 /// Numbers of the generators of one update: one for each network.
 const GENERATORS: u64 = 3;
+
+/// A loss, a target or a temporal difference beyond this is of a network that diverges: values are
+/// discounted rewards, of which an episode has at most one of 1.
+const LARGEST: f32 = 1e4;
 
 /// Updates so far.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -51,6 +56,21 @@ pub struct Learner {
     /// Rows that Q-attention learns from.
     pub(crate) scenes: Replay<Row>,
     pub(crate) updates: UpdateCounts,
+    /// The last batch of each network, to be named when the network diverges.
+    last: BTreeMap<&'static str, Batch>,
+}
+
+/// An update and the rows that it learned from, by their numbers.
+#[derive(Debug, Clone)]
+struct Batch {
+    update: u64,
+    rows: Vec<u64>,
+}
+
+impl Batch {
+    fn new(update: u64, draws: &[Draw]) -> Self {
+        Self { update, rows: draws.iter().map(|draw| draw.row).collect() }
+    }
 }
 
 /// Findings of one update of ranker and policy.
@@ -85,6 +105,7 @@ impl Learner {
             successes: Replay::new(&uniform)?,
             scenes: Replay::new(settings)?,
             updates: UpdateCounts::default(),
+            last: BTreeMap::new(),
         })
     }
 
@@ -130,7 +151,7 @@ impl Learner {
     ///
     /// # Errors
     ///
-    /// When the network's answers are not numbers any more.
+    /// [`Error::Diverged`] when the network does not learn any more.
     pub fn update_q_attention(
         &mut self,
         attention: &mut QAttention,
@@ -145,6 +166,9 @@ impl Learner {
             .filter_map(|(row, weight)| attention_sample(row, weight))
             .collect();
         let report = attention.update(&batch, &mut stream(self.seed, Stream::Augment, update));
+        let losses = report.losses.iter().map(|&loss| ("loss", loss));
+        let numbers = losses.chain([("mean target", report.mean_target)]);
+        self.check("q_attention", Batch::new(update, &draws), numbers)?;
         self.scenes.update_priorities(&draws, &report.priorities)?;
         self.updates.q_attention += 1;
         Ok(Some(AttentionUpdate {
@@ -157,7 +181,7 @@ impl Learner {
     ///
     /// # Errors
     ///
-    /// When a network's answers are not numbers any more.
+    /// [`Error::Diverged`] when a network does not learn any more.
     pub fn update_paths(
         &mut self,
         networks: &mut Networks,
@@ -180,19 +204,54 @@ impl Learner {
             rows(&self.paths, &draws).map(|(row, weight)| row.for_ranker(weight)).collect();
         let report = ranker.update(&batch)?;
         let errors: Vec<f32> = report.td_errors.iter().map(|error| error.abs()).collect();
+        let td_errors = errors.iter().map(|&error| ("temporal difference", error));
+        let numbers = td_errors.chain([("loss", report.loss)]);
+        self.check("ranker", Batch::new(update, &draws), numbers)?;
         self.paths.update_priorities(&draws, &errors)?;
         let mean_error = errors.iter().sum::<f32>() / errors.len() as f32;
         Ok(PathUpdate { ranker: Some((report.loss, mean_error)), policy })
     }
 
-    fn update_policy(&self, networks: &mut Networks, draws: &[Draw]) -> Result<Option<f32>> {
+    fn update_policy(&mut self, networks: &mut Networks, draws: &[Draw]) -> Result<Option<f32>> {
         let Some(policy) = networks.policy.as_mut().filter(|_| !draws.is_empty()) else {
             return Ok(None);
         };
         let batch: Vec<_> = rows(&self.successes, draws)
             .filter_map(|(row, weight)| row.for_policy(weight))
             .collect();
-        policy.update(&batch).map(Some)
+        let loss = policy.update(&batch)?;
+        self.check("policy", Batch::new(self.updates.paths - 1, draws), [("loss", loss)])?;
+        Ok(Some(loss))
+    }
+
+    /// Refuses numbers of an update that are none, or beyond [`LARGEST`].
+    fn check(
+        &mut self,
+        network: &'static str,
+        batch: Batch,
+        numbers: impl IntoIterator<Item = (&'static str, f32)>,
+    ) -> Result<()> {
+        self.last.insert(network, batch);
+        // False for what is not a number.
+        let is_sound = |number: f32| number.abs() <= LARGEST;
+        match numbers.into_iter().find(|(_, number)| !is_sound(*number)) {
+            Some((name, number)) => Err(self.diverged(network, format!("{name} {number}"))),
+            None => Ok(()),
+        }
+    }
+
+    fn diverged(&self, network: &'static str, found: String) -> Error {
+        let Batch { update, rows } =
+            self.last.get(network).cloned().unwrap_or_else(|| Batch::new(0, &[]));
+        Error::Diverged { network, update, found, rows }
+    }
+
+    /// `error`, and for answers that are no numbers the update and batch after which they are none.
+    pub(crate) fn explained(&self, error: Error) -> Error {
+        match error {
+            Error::NotFinite { network, found } => self.diverged(network, found),
+            error => error,
+        }
     }
 
     fn generator(&self, update: u64, network: u64) -> Rng {

@@ -27,6 +27,8 @@ pub mod checkpoint;
 #[cfg(feature = "learn")]
 pub mod config;
 pub mod demo;
+#[cfg(all(feature = "learn", feature = "sim"))]
+pub mod diagnose;
 pub mod digest;
 pub mod env;
 pub mod error;
@@ -67,6 +69,10 @@ pub mod train;
 pub use error::{Error, Result};
 pub use glam;
 pub use glamx;
+
+/// Digest of the sources and presets of this crate and, in a checkout, of the versions of its
+/// dependencies: what decides a result beside its settings.
+pub const SOURCE_DIGEST: &str = env!("LPR_SOURCE_DIGEST");
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

@@ -117,8 +117,8 @@ impl Policy {
     ///
     /// # Errors
     ///
-    /// [`Error::Shape`] with fewer than two configurations, or when the network's answer is not
-    /// finite.
+    /// [`Error::Shape`] with fewer than two configurations; [`Error::NotFinite`] when the network's
+    /// answer is no number.
     pub fn path(
         &self,
         start: &JointConfig,
@@ -138,6 +138,10 @@ impl Policy {
         self.push_rows(&mut rows, [start, goal_config], goal, n_configs);
         let outputs =
             values(self.network.forward(tensor(rows.inputs, [n_configs, INPUTS], &self.device)));
+        if let Some(output) = outputs.iter().find(|output| !output.is_finite()) {
+            let found = format!("output {output}");
+            return Err(Error::NotFinite { network: "policy", found });
+        }
         let configs =
             outputs.chunks_exact(DOF).zip(&rows.bumps).enumerate().map(|(idx, (output, bump))| {
                 // The ends are exact even where the line's arithmetic is not.

@@ -21,7 +21,7 @@ pub use agent::{
     ActingNetwork, DepthDecision, DepthState, QAttention, QAttentionState, QDecision, UpdateReport,
 };
 #[cfg(feature = "learn")]
-pub use batch::QSample;
+pub use batch::{AugmentedLabel, QSample};
 #[cfg(feature = "learn")]
 pub use network::{Heads, NetworkCost, NetworkInput, PoseValues, QNetwork, QValues};
 pub use next_best_pose::NextBestPose;

@@ -29,7 +29,7 @@ use crate::agent::{Action, Agent, Draws, Eyes, Init, Method, Networks, PoseSourc
 use crate::config::{Config, Timeout};
 use crate::demo::DemoEpisode;
 use crate::env::{Environment, StepResult};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::learner::{AttentionUpdate, Learner, PathUpdate};
 use crate::nn::Backend;
 use crate::path::CandidateStreams;
@@ -142,7 +142,7 @@ impl<E: Environment> Trainer<E> {
     ///
     /// # Errors
     ///
-    /// When a network's answers are not numbers any more.
+    /// [`Error::Diverged`](crate::Error::Diverged) when a network does not learn any more.
     pub fn update(&mut self) -> Result<Metrics> {
         let mut updates = Updates::default();
         updates.q_attention.extend(self.update_q_attention()?);
@@ -156,14 +156,17 @@ impl<E: Environment> Trainer<E> {
     ///
     /// # Errors
     ///
-    /// When the scene of an episode cannot be built, or a network's answers are not numbers any
-    /// more.
+    /// When the scene of an episode cannot be built;
+    /// [`Error::Diverged`](crate::Error::Diverged) when a network does not learn any more.
     pub fn step(&mut self) -> Result<StepLog> {
         // Lines 4 and 5: for each iteration, for each environment step t.
         let mut episode = self.running_episode()?;
         // Lines 6–12: o_t ← (b_t, p_t, z_t); g_t ← Q_θ(o_t); Ξ ← paths to g_t; ξ* ← argmax Q^R(Ξ).
         let draws = self.draws();
-        let action = self.agent.decide(&mut self.environment, Eyes::Open, draws)?;
+        let action = self
+            .agent
+            .decide(&mut self.environment, Eyes::Open, draws)
+            .map_err(|error| self.explained(error))?;
         // Line 13: o_{t+1}, r ← env.step(ξ*).
         let result = self.agent.execute(&mut self.environment, &action)?;
         // Line 14: D ← D ∪ {(o_t, g_t, r, o_{t+1}, ξ*)}, once the episode's end is known.
@@ -310,6 +313,13 @@ impl<E> Trainer<E> {
     #[must_use]
     pub const fn updates(&self) -> crate::learner::UpdateCounts {
         self.learner.updates()
+    }
+
+    /// `error` of the agent, and for answers that are no numbers the update after which they are
+    /// none: [`Error::Diverged`](crate::Error::Diverged).
+    #[must_use]
+    pub fn explained(&self, error: Error) -> Error {
+        self.learner.explained(error)
     }
 
     /// The world that it acts in.

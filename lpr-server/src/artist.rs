@@ -32,7 +32,7 @@ pub struct Size {
     pub height: u16,
 }
 
-/// The grip's way along a path.
+/// A line over a picture, as the grip's way along a path.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Line {
     points: Vec<Vec3>,
@@ -54,6 +54,12 @@ impl Line {
             .iter()
             .map(|config| robot.grip(config).translation)
             .collect();
+        Self { points, rgb, width }
+    }
+
+    /// A line through `points`, metres in the world.
+    #[must_use]
+    pub const fn through(points: Vec<Vec3>, rgb: [u8; 3], width: f32) -> Self {
         Self { points, rgb, width }
     }
 

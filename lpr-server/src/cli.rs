@@ -8,7 +8,9 @@ mod arguments;
 mod arm;
 mod bench;
 mod demo;
+mod diagnose;
 mod eval;
+mod experiment;
 mod failure;
 mod fk;
 mod gallery;
@@ -87,6 +89,11 @@ enum Command {
     Train(Box<train::Arguments>),
     /// Evaluate a trained agent, or a method with the demonstrator's poses
     Eval(eval::Arguments),
+    /// Say what a trained agent gets wrong, and why its episodes fail
+    Diagnose(diagnose::Arguments),
+    /// Train and diagnose many agents whose figures belong together
+    #[command(subcommand)]
+    Experiment(experiment::Action),
     /// Measure how long networks, simulation, planning and candidates take
     Bench(bench::Arguments),
     /// Serve training jobs over HTTP, and the page that shows them
@@ -113,6 +120,8 @@ impl Command {
             Self::Plan(arguments) => print(&plan::run(arguments)?, format),
             Self::Train(arguments) => print(&train::run(arguments)?, format),
             Self::Eval(arguments) => print(&eval::run(arguments)?, format),
+            Self::Diagnose(arguments) => print(&diagnose::run(arguments)?, format),
+            Self::Experiment(action) => print(&experiment::run(action)?, format),
             Self::Bench(arguments) => print(&bench::run(arguments)?, format),
             Self::Serve(arguments) => serve::run(arguments),
             Self::Xarm(action) => xarm::run(action, format),

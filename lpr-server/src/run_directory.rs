@@ -3,7 +3,7 @@
 use crate::files::{self, FileError};
 use lpr_core::Error;
 use lpr_core::checkpoint::{Checkpoint, SavedAgent, load_agent};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
@@ -11,10 +11,13 @@ const CHECKPOINTS: &str = "checkpoints";
 const EPISODES: &str = "episodes";
 const WEIGHTS: &str = "weights.safetensors";
 const STATE: &str = "state.bin";
+const CONFIG: &str = "config.toml";
 /// Name of the file that a run leaves when it has ended.
 pub const SUMMARY: &str = "summary.json";
-/// Older checkpoints are deleted: this many stay.
-const KEPT_CHECKPOINTS: usize = 2;
+/// What training goes on from is deleted of older checkpoints: this many keep it.
+const KEPT_STATES: usize = 2;
+/// Older checkpoints are deleted: the weights of this many stay.
+const KEPT_CHECKPOINTS: usize = 5;
 
 type Result<T, E = FileError> = core::result::Result<T, E>;
 
@@ -27,9 +30,7 @@ pub fn create(directory: &Path, config_toml: &str) -> Result<()> {
     files::create_output_directory(directory)?;
     let checkpoints = directory.join(CHECKPOINTS);
     fs::create_dir_all(&checkpoints).map_err(FileError::io("create", &checkpoints))?;
-    files::write_atomically(&directory.join("config.toml"), |file| {
-        file.write_all(config_toml.as_bytes())
-    })
+    files::write_atomically(&directory.join(CONFIG), |file| file.write_all(config_toml.as_bytes()))
 }
 
 /// Path of a checkpoint's episode; its directory exists then.
@@ -77,9 +78,14 @@ pub fn save(directory: &Path, env_step: u64, checkpoint: &Checkpoint) -> Result<
         files::write_atomically(&inside.join(STATE), |file| file.write_all(&checkpoint.state))
     })?;
     let steps = checkpoint_steps(directory)?;
-    for old in steps.iter().rev().skip(KEPT_CHECKPOINTS) {
+    for (age, old) in steps.iter().rev().enumerate().skip(KEPT_STATES) {
         let old = checkpoint_path(directory, *old);
-        fs::remove_dir_all(&old).map_err(FileError::io("delete", &old))?;
+        let state = old.join(STATE);
+        if age >= KEPT_CHECKPOINTS {
+            fs::remove_dir_all(&old).map_err(FileError::io("delete", &old))?;
+        } else if state.exists() {
+            fs::remove_file(&state).map_err(FileError::io("delete", &state))?;
+        }
     }
     Ok(())
 }
@@ -138,6 +144,48 @@ pub fn latest(directory: &Path) -> Result<(u64, Checkpoint)> {
 pub fn latest_agent(directory: &Path) -> Result<SavedAgent> {
     let (step, checkpoint) = latest(directory)?;
     load_agent(&checkpoint.weights).map_err(|error| unusable(directory, step, &error))
+}
+
+/// The agents of all checkpoints of a run that are still there, by their environment steps; the
+/// newest last, and at least one.
+///
+/// # Errors
+///
+/// When there is none, or when one cannot be read: the message names the file.
+pub fn latest_agents(directory: &Path) -> Result<Vec<(u64, SavedAgent)>> {
+    let newest = latest_agent(directory)?;
+    let mut steps = checkpoint_steps(directory)?;
+    let last = steps.pop().unwrap_or_default();
+    let mut agents = Vec::new();
+    for step in steps {
+        let file = checkpoint_path(directory, step).join(WEIGHTS);
+        let weights = fs::read(&file).map_err(FileError::io("read", &file))?;
+        let saved = load_agent(&weights).map_err(|error| unusable(directory, step, &error))?;
+        agents.push((step, saved));
+    }
+    agents.push((last, newest));
+    Ok(agents)
+}
+
+/// Scene seeds of the demonstrations that a run learned from, as its `config.toml` lists them.
+///
+/// # Errors
+///
+/// When the file cannot be read, or lists none.
+pub fn demonstration_scenes(directory: &Path) -> Result<Vec<u64>> {
+    #[derive(Deserialize)]
+    struct File {
+        run: RunTable,
+    }
+    #[derive(Deserialize)]
+    struct RunTable {
+        demonstrations: Vec<u64>,
+    }
+    let path = directory.join(CONFIG);
+    let text = fs::read_to_string(&path).map_err(FileError::io("read", &path))?;
+    let file: File =
+        toml::from_str(&text).map_err(|error| FileError::content(&path, error.message()))?;
+    Ok(file.run.demonstrations)
 }
 
 /// The fault of the checkpoint of `env_step`, with the file that has it.

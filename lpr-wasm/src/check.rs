@@ -6,9 +6,10 @@ use lpr_core::digest;
 use lpr_core::env::InvalidAction;
 use lpr_core::error::{Error, Result};
 use lpr_core::nn::Backend;
-use lpr_core::path::{CandidateStreams, Source};
+use lpr_core::path::{CandidateStreams, JointPath, Source};
 use lpr_core::perception::Observation;
-use lpr_core::q_attention::NextBestPose;
+use lpr_core::q_attention::{ActingNetwork, NextBestPose, QObservation, QSample};
+use lpr_core::ranker::{RankedPath, RankerContext};
 use lpr_core::rng::{Stream, stream};
 use lpr_core::robot::{Robot, XARM7};
 use lpr_core::sim::tasks::Task;
@@ -114,6 +115,88 @@ impl CandidatesBench {
     }
 }
 
+/// The networks of an untrained agent of the preset `fast`, at the widths that are shipped.
+#[derive(Debug)]
+pub struct NetworksBench {
+    agent: Agent,
+    seen: QObservation,
+    goal: NextBestPose,
+    context: RankerContext,
+    paths: Vec<RankedPath>,
+    updates: u64,
+}
+
+impl NetworksBench {
+    /// Before a toilet seat, with 41 paths of 30 configurations.
+    ///
+    /// # Errors
+    ///
+    /// When the scene cannot be placed.
+    pub fn new() -> Result<Self> {
+        const SCENE: u64 = 1000;
+        const PATHS: usize = 41;
+        let config = Config::preset("fast")?;
+        let init = Init { backend: Backend::Flex, seed: 0 };
+        let networks = Networks::new(
+            config.network_settings(),
+            &XARM7,
+            Method::Lpr,
+            PoseSource::Learned,
+            init,
+        )?;
+        let agent = Agent::new(config.agent_settings(), &XARM7, Method::Lpr, networks);
+        let mut environment = SimEnvironment::new(
+            &Task::by_name("toilet_seat_up")?,
+            &XARM7,
+            SCENE,
+            &["front"],
+            &config.simulator,
+        )?;
+        let goal = environment.plan().goals[0];
+        let nothing_seen = Error::Environment("an agent of learned poses sees".to_owned());
+        let seen = agent.attended(&environment.observe()).ok_or(nothing_seen)?;
+        let context = RankerContext { goal, gripper_open: 1.0, time: 1.0 };
+        let path = |idx: usize| {
+            let turn = 0.3 * (idx + 1) as f32 / PATHS as f32;
+            let ends = vec![XARM7.start, XARM7.start.map(|angle| angle + turn)];
+            let path = JointPath::new(ends)?.resample(config.candidates.path_len);
+            Ok(RankedPath { path, collides: false })
+        };
+        let paths = (0..PATHS).map(path).collect::<Result<_>>()?;
+        Ok(Self { agent, seen, goal, context, paths, updates: 0 })
+    }
+
+    /// Q-attention's pose, by both depths; its value.
+    #[must_use]
+    pub fn attend(&self) -> f32 {
+        let attention = self.agent.networks.q_attention.as_ref();
+        attention.map_or(f32::NAN, |it| it.act(&self.seen, ActingNetwork::Online).value)
+    }
+
+    /// The ranker's values of all paths; their sum.
+    ///
+    /// # Errors
+    ///
+    /// As the ranker's.
+    pub fn rank(&self) -> Result<f32> {
+        let Some(ranker) = &self.agent.networks.ranker else { return Ok(f32::NAN) };
+        Ok(ranker.values(&self.context, &self.paths)?.iter().sum())
+    }
+
+    /// One update of Q-attention on 16 steps that another follows; its loss.
+    pub fn update(&mut self) -> f32 {
+        const SCENES: usize = 16;
+        let Some(attention) = &mut self.agent.networks.q_attention else { return f32::NAN };
+        let (observation, action) = (&self.seen, self.goal);
+        let next = Some(observation);
+        let sample =
+            QSample { observation, action, reward: 0.0, next, weight: 1.0, imitated: true };
+        let rng = &mut stream(0, Stream::Augment, self.updates);
+        self.updates += 1;
+        attention.update(&[sample; SCENES], rng).losses.iter().sum()
+    }
+}
+
 fn hash(world: &World) -> String {
     format!("{:016x}", world.hash())
 }
@@ -141,6 +224,14 @@ mod tests {
         let bench = CandidatesBench::new().unwrap();
         assert_eq!(bench.run(1).unwrap(), bench.run(1).unwrap());
         assert_ne!(bench.run(1).unwrap(), bench.run(2).unwrap());
+    }
+
+    #[test]
+    fn networks_that_are_measured_learn() {
+        let mut bench = NetworksBench::new().unwrap();
+        assert!(bench.attend().is_finite() && bench.rank().unwrap().is_finite());
+        let first = bench.update();
+        assert!((0..3).map(|_| bench.update()).last().unwrap() < first);
     }
 
     #[test]

@@ -199,3 +199,41 @@ impl CandidatesBench {
         Ok(self.0.run(u64::from(step))?)
     }
 }
+
+/// [`check::NetworksBench`].
+#[derive(Debug)]
+#[wasm_bindgen]
+pub struct NetworksBench(check::NetworksBench);
+
+#[wasm_bindgen]
+impl NetworksBench {
+    /// [`check::NetworksBench::new`].
+    ///
+    /// # Errors
+    ///
+    /// As there.
+    #[wasm_bindgen(constructor)]
+    pub fn new() -> Result<Self, JsError> {
+        Ok(Self(check::NetworksBench::new()?))
+    }
+
+    /// [`check::NetworksBench::attend`].
+    #[must_use]
+    pub fn attend(&self) -> f32 {
+        self.0.attend()
+    }
+
+    /// [`check::NetworksBench::rank`].
+    ///
+    /// # Errors
+    ///
+    /// As there.
+    pub fn rank(&self) -> Result<f32, JsError> {
+        Ok(self.0.rank()?)
+    }
+
+    /// [`check::NetworksBench::update`].
+    pub fn update(&mut self) -> f32 {
+        self.0.update()
+    }
+}

@@ -158,8 +158,14 @@ fn lines_6_to_12_of_algorithm_1_are_one_function() {
     assert_eq!(callers("self.act("), ["lpr-core/src/agent.rs"], "decide acts");
     assert!(callers("agent.goal(").is_empty(), "nobody else looks");
     // Those that are given a pose and have nothing to look for.
-    let given = ["lpr-server/src/cli/bench.rs", "lpr-server/src/cli/paths.rs"];
-    assert_eq!(callers("agent.act("), [&given[..], &["lpr-wasm/src/check.rs"]].concat());
+    let given = [
+        "lpr-core/src/diagnose/ladder.rs",
+        "lpr-core/src/diagnose/ranking.rs",
+        "lpr-server/src/cli/bench.rs",
+        "lpr-server/src/cli/paths.rs",
+        "lpr-wasm/src/check.rs",
+    ];
+    assert_eq!(callers("agent.act("), given);
     let deciding = [
         "lpr-core/src/evaluate.rs",
         "lpr-core/src/train.rs",
@@ -169,7 +175,9 @@ fn lines_6_to_12_of_algorithm_1_are_one_function() {
     assert_eq!(callers("agent.decide("), deciding, "evaluation, training, arm and page decide");
     let executing = ["evaluate/best_of_all.rs", "evaluate/record.rs", "evaluate.rs", "train.rs"];
     assert_eq!(callers("agent.execute("), executing.map(|file| format!("lpr-core/src/{file}")));
-    assert_eq!(callers("agent.execute_with("), ["lpr-wasm/src/demo.rs"], "it records frames");
+    // The ladder runs paths of its own, the page records frames.
+    let with = ["lpr-core/src/diagnose/ladder.rs", "lpr-wasm/src/demo.rs"];
+    assert_eq!(callers("agent.execute_with("), with);
 }
 
 #[test]

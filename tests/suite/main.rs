@@ -5,6 +5,7 @@ mod bad_input;
 mod checkpoints;
 mod cli;
 mod dependencies;
+mod diagnose;
 mod docs;
 mod evaluation;
 mod events;

@@ -126,6 +126,7 @@ pub(super) fn write<E>(trainer: &Trainer<E>) -> Result<Vec<u8>> {
     if let Some(policy) = &networks.policy {
         tensors.extend(named("policy", policy.state().network));
     }
+    refuse_divergence(&tensors)?;
     let header = WeightsHeader {
         version: VERSION,
         robot: trainer.agent.robot().name.clone(),
@@ -147,6 +148,18 @@ pub(super) fn write<E>(trainer: &Trainer<E>) -> Result<Vec<u8>> {
     });
     let views = views.collect::<Result<Vec<_>>>()?;
     safetensors::serialize(views, Some(metadata)).map_err(|error| foreign(&error))
+}
+
+/// A checkpoint of weights that are no numbers would take the place of a good one.
+fn refuse_divergence(tensors: &[NamedTensor]) -> Result<()> {
+    let is_sound = |tensor: &&NamedTensor| tensor.values.iter().all(|value| value.is_finite());
+    match tensors.iter().find(|tensor| !is_sound(tensor)) {
+        Some(tensor) => Err(Error::Checkpoint(format!(
+            "weights: `{}` diverged: some of its values are not finite",
+            tensor.name
+        ))),
+        None => Ok(()),
+    }
 }
 
 fn read(weights: &[u8]) -> Result<(WeightsHeader, Vec<NamedTensor>)> {

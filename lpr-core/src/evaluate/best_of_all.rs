@@ -96,7 +96,10 @@ pub fn measure_regret<E: Environment + Clone + Send + Sync>(
 }
 
 /// Index of the candidate that the oracle takes.
-fn best_candidate<E: Environment + Clone>(snapshot: &E, action: &Action) -> Result<Option<usize>> {
+pub(crate) fn best_candidate<E: Environment + Clone>(
+    snapshot: &E,
+    action: &Action,
+) -> Result<Option<usize>> {
     let mut best: Option<(usize, f32)> = None;
     for (idx, candidate) in action.set.candidates.iter().enumerate() {
         let mut world = snapshot.clone();

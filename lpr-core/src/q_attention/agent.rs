@@ -2,7 +2,7 @@
 //! one, learning by updates.
 
 use super::action::{ActionCodec, DiscreteAction, nearest_grasp};
-use super::batch::{Augmented, QSample};
+use super::batch::{Augmented, AugmentedLabel, QSample};
 use super::loss::{Choices, LossWeights, PerSample, chosen_values, depth_loss, td_target};
 use super::network::{Heads, NetworkCost, NetworkInput, QNetwork, QValues};
 use super::next_best_pose::NextBestPose;
@@ -20,7 +20,7 @@ use crate::robot::Gripper;
 
 use burn::module::Module as _;
 use burn::tensor::{Device, Int, Tensor, TensorData};
-use glamx::Vec3;
+use glamx::{Pose3, Vec3};
 use serde::{Deserialize, Serialize};
 
 /// Coarse-to-fine Q-attention.
@@ -172,10 +172,32 @@ impl QAttention {
     /// last depth also the best rotation bins and gripper command.
     #[must_use]
     pub fn act(&self, observation: &QObservation, weights: ActingNetwork) -> QDecision {
+        self.look(observation, weights, &[])
+    }
+
+    /// [`Self::act`] when every depth but the first looks where the voxels of `guide` lead, one a
+    /// depth: what a depth chooses when those before it were right. The pose is that of the last
+    /// depth's choice.
+    #[must_use]
+    pub fn act_guided(
+        &self,
+        observation: &QObservation,
+        weights: ActingNetwork,
+        guide: &[VoxelIndex],
+    ) -> QDecision {
+        self.look(observation, weights, guide)
+    }
+
+    fn look(
+        &self,
+        observation: &QObservation,
+        weights: ActingNetwork,
+        guide: &[VoxelIndex],
+    ) -> QDecision {
         let mut depths = Vec::with_capacity(self.depths.len());
         let mut voxels = Vec::with_capacity(self.depths.len());
         // Depth 0 sees the whole scene, wherever this is.
-        let mut center = Vec3::ZERO;
+        let (mut center, mut point) = (Vec3::ZERO, Vec3::ZERO);
         let mut last = None;
         for (depth_idx, depth) in self.depths.iter().enumerate() {
             let space =
@@ -190,13 +212,33 @@ impl QAttention {
             ));
             let best = Choices::best(&values);
             let voxel = space.voxel_from_flat(ints(best.voxel.clone())[0]);
-            center = space.point_from_voxel(voxel);
+            point = space.point_from_voxel(voxel);
+            center = space.point_from_voxel(guide.get(depth_idx).copied().unwrap_or(voxel));
             voxels.push(voxel);
             depths.push(DepthDecision { grid, values: floats(values.translation.clone()) });
             last = Some((values, best));
         }
         let (values, best) = last.expect("there is at least one depth");
-        self.decision(observation, depths, voxels, values, &best)
+        let decision = self.decision(observation, depths, voxels, values, &best);
+        let pose = Pose3::from_parts(point, decision.goal.pose.rotation);
+        QDecision { goal: NextBestPose { pose, ..decision.goal }, ..decision }
+    }
+
+    /// Labels that training would draw for one demonstrated action: `n` augmentations of it.
+    ///
+    /// Those of an action outside the bounds of depth 0 are none.
+    #[must_use]
+    pub fn augmented_labels(
+        &self,
+        observation: &QObservation,
+        action: NextBestPose,
+        n: usize,
+        rng: &mut Rng,
+    ) -> Vec<AugmentedLabel> {
+        let sample =
+            QSample { observation, action, reward: 0.0, next: None, weight: 1.0, imitated: true };
+        let draw = |_| Augmented::draw(sample, &self.codec, &self.settings, rng);
+        (0..n).filter_map(draw).map(|augmented| augmented.label()).collect()
     }
 
     /// Everything that learns: what a checkpoint holds.

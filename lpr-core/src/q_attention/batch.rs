@@ -13,6 +13,9 @@ use rand::RngExt as _;
 /// Draws of an augmentation that keeps the label inside, before the sample is used as it is.
 const MAX_DRAWS: usize = 20;
 
+/// Between the cosines of half the angles of no turn and of a half turn.
+const HALF_TURNED: f32 = 0.5;
+
 /// One replayed transition.
 #[derive(Debug, Clone, Copy)]
 pub struct QSample<'a> {
@@ -28,6 +31,17 @@ pub struct QSample<'a> {
     pub weight: f32,
     /// True for an action to imitate: demonstrated, or of an episode that succeeded.
     pub imitated: bool,
+}
+
+/// The label of an action as one augmentation of it is learned.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AugmentedLabel {
+    /// Turn of the augmentation about the vertical, radians.
+    pub yaw: f32,
+    /// Bins of roll, pitch and yaw.
+    pub rotation: [usize; 3],
+    /// True if the label is of the equivalent grasp, half a turn about the approach away.
+    pub half_turned: bool,
 }
 
 /// One sample as an update uses it.
@@ -99,6 +113,13 @@ impl<'a> Augmented<'a> {
             depths.push(DepthLabel { space, flat: space.flat_from_voxel(voxel) });
         }
         Some(Self { sample, transform, depths, rotation: codec.rotation.encode(pose.rotation) })
+    }
+
+    /// Its label of the rotation.
+    pub(super) fn label(&self) -> AugmentedLabel {
+        let moved = self.transform.pose() * self.sample.action.pose;
+        let half_turned = canonical_grasp(moved).rotation.dot(moved.rotation).abs() < HALF_TURNED;
+        AugmentedLabel { yaw: self.transform.yaw, rotation: self.rotation, half_turned }
     }
 
     /// The moved observation before the action, voxelised in the cube of a depth.

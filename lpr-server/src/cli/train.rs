@@ -1,6 +1,6 @@
 //! `lpr train`: Algorithm 1 on a task, with validation, checkpoints and a final evaluation.
 
-mod demonstrations;
+pub(super) mod demonstrations;
 mod interruption;
 mod progress;
 mod session;
@@ -14,6 +14,7 @@ use clap::Args;
 use core::fmt;
 use interruption::Interruption;
 use lpr_core::agent::Method;
+use lpr_core::diagnose::Diagnosis;
 use lpr_core::evaluate::Evaluation;
 use lpr_core::nn::Backend;
 use lpr_core::perception::{CAMERA_NAMES, Camera};
@@ -65,6 +66,9 @@ pub(super) struct Arguments {
     /// Stop after this many training episodes in a row that succeeded
     #[arg(long)]
     stop_after_successes: Option<u64>,
+    /// Go on when validations are good enough to stop
+    #[arg(long)]
+    no_early_stop: bool,
     /// Go on from the newest checkpoint in --out
     #[arg(long)]
     resume: bool,
@@ -95,7 +99,12 @@ pub(super) struct Report {
     /// Validation success of the agent that had seen demonstrations only.
     demonstrations_only: Option<ValidationPoint>,
     eval: EvalReport,
+    /// What the agent gets wrong in ten other scenes.
+    diagnosis: Diagnosis,
 }
+
+/// Findings of the diagnosis that are printed.
+const FINDINGS: usize = 3;
 
 /// A validation on seeds that neither training nor the final evaluation uses.
 #[derive(Debug, Clone, Copy, Serialize)]
@@ -157,6 +166,12 @@ impl fmt::Display for Report {
                 first.successes, first.episodes
             )?;
         }
-        self.eval.fmt(f)
+        self.eval.fmt(f)?;
+        let Diagnosis { scenes, successes, findings, .. } = &self.diagnosis;
+        writeln!(f, "diagnosis: {successes} of {scenes} further scenes; lpr diagnose tells more")?;
+        for finding in findings.iter().take(FINDINGS) {
+            writeln!(f, "  {}", finding.text)?;
+        }
+        Ok(())
     }
 }

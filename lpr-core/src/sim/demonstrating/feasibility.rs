@@ -127,14 +127,31 @@ impl KeyframeSnapshot {
     fn execute(&self, candidate: &CandidatePath) -> Trial {
         let mut env = self.env.clone();
         let result = env.step(&candidate.path, self.goal.gripper);
-        let same_grasp = (env.world().grasp() != Grasp::Nothing) == self.holds;
-        let joints = env.world().joint_positions().into_iter().zip(&self.joints);
-        let moved = joints.zip(&env.world().spec().joints).all(|((at, goal), joint)| {
-            let range = joint.limits[1] - joint.limits[0];
-            (at - goal).abs() <= JOINT_TOLERANCE * range
-        });
-        let followed = !self.is_last && result.invalid.is_none() && same_grasp && moved;
-        let success = result.reward > 0.0 || followed;
-        Trial { source: candidate.source, result, success }
+        Trial { source: candidate.source, success: self.is_done(&env, &result), result }
     }
+
+    /// True if a step with that result, after which the world is as in `env`, did what the
+    /// demonstrator did: see [`Trial::success`].
+    #[must_use]
+    pub fn is_done(&self, env: &SimEnvironment, result: &StepResult) -> bool {
+        let same_grasp = (env.world().grasp() != Grasp::Nothing) == self.holds;
+        let moved = !joints_differ(env, &self.joints);
+        let followed = !self.is_last && result.invalid.is_none() && same_grasp && moved;
+        result.reward > 0.0 || followed
+    }
+
+    /// True if the demonstrator moves a joint of the scene here: a hinge turns, or a drawer slides.
+    #[must_use]
+    pub fn moves_a_joint(&self) -> bool {
+        joints_differ(&self.env, &self.joints)
+    }
+}
+
+/// True if a joint of the scene is not where `goal` has it.
+fn joints_differ(env: &SimEnvironment, goal: &[f32]) -> bool {
+    let joints = env.world().joint_positions().into_iter().zip(goal);
+    joints.zip(&env.world().spec().joints).any(|((at, goal), joint)| {
+        let range = joint.limits[1] - joint.limits[0];
+        (at - goal).abs() > JOINT_TOLERANCE * range
+    })
 }

@@ -84,6 +84,19 @@ pub(super) fn of_directory(
     Ok(demos)
 }
 
+/// The demonstrations of the scripted demonstrator in `scenes`, each from its first frame on.
+pub(in crate::cli) fn again(
+    environment: &SimEnvironment,
+    scenes: &[u64],
+    settings: &DemoSettings,
+) -> Result<Vec<DemoEpisode>> {
+    let mut demos = Vec::new();
+    for &scene in scenes {
+        demos.extend(record_demo(environment, scene, settings)?.into_iter().flatten().next());
+    }
+    Ok(demos)
+}
+
 /// Demonstrations in a directory.
 pub(super) fn n_files(directory: &Path) -> Result<usize> {
     Ok(demo_files(directory)?.len())

@@ -26,6 +26,7 @@ pub(super) enum Phase {
     Validation,
     #[strum(serialize = "final evaluation")]
     FinalEvaluation,
+    Diagnosis,
 }
 
 /// The end of training, of which the sooner counts.

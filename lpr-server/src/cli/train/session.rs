@@ -207,7 +207,7 @@ impl<'a> Session<'a> {
         while self.trainer.demonstration_updates_left() > 0 {
             self.stop_if_interrupted()?;
             let start = Instant::now();
-            self.trainer.update()?;
+            self.trainer.update().map_err(|error| self.stopped_by(error))?;
             self.measure_rate(1, start);
             self.bar.advance(total - self.trainer.demonstration_updates_left());
         }
@@ -236,7 +236,7 @@ impl<'a> Session<'a> {
                 return Ok(reason);
             }
             let (start, before) = (Instant::now(), self.n_updates());
-            let log = self.trainer.step()?;
+            let log = self.trainer.step().map_err(|error| self.stopped_by(error))?;
             self.measure_rate(log.updates - before, start);
             self.write(&log)?;
             self.announce_first_success(&log);
@@ -249,6 +249,21 @@ impl<'a> Session<'a> {
                 self.bar.enter_training();
             }
         }
+    }
+
+    /// Says of a run that diverged what is left of it.
+    fn stopped_by(&self, error: lpr_core::Error) -> Failure {
+        let error = self.trainer.explained(error);
+        if matches!(error, lpr_core::Error::Diverged { .. }) {
+            self.bar.finish();
+            let left = match run_directory::latest_step(&self.arguments.out) {
+                Ok(Some(step)) => format!("the checkpoint of environment step {step} is good"),
+                _ => "nothing was saved yet".to_owned(),
+            };
+            let steps = self.trainer.progress().env_steps;
+            self.bar.say(&format!("environment step {steps}: the run diverged; {left}"));
+        }
+        error.into()
     }
 
     fn announce_first_success(&mut self, log: &StepLog) {
@@ -301,7 +316,7 @@ impl<'a> Session<'a> {
             .is_some_and(|most| progress.successes_in_a_row >= most)
         {
             Some("successes")
-        } else if is_good_enough(&self.validations) {
+        } else if !self.arguments.no_early_stop && is_good_enough(&self.validations) {
             Some("validation")
         } else if self.started.elapsed().as_secs_f64() >= 60.0 * self.arguments.minutes {
             Some("minutes")
@@ -383,6 +398,7 @@ impl<'a> Session<'a> {
         let wall_seconds = self.started.elapsed().as_secs_f64();
         self.save()?;
         let found = self.test()?;
+        let diagnosis = self.diagnose()?;
         self.bar.finish();
         let progress = self.trainer.progress();
         let report = Report {
@@ -401,6 +417,7 @@ impl<'a> Session<'a> {
                 self.trainer.run().method.name(),
                 &found,
             ),
+            diagnosis,
         };
         run_directory::write_summary(&self.arguments.out, &report)?;
         Ok(report)
@@ -416,8 +433,9 @@ fn end_of_training(arguments: &Arguments) -> String {
     let steps = arguments.env_steps.map(|steps| format!("{steps} environment steps"));
     let successes = arguments.stop_after_successes.map(|most| format!("{most} successes in a row"));
     let minutes = Some(format!("{} minutes", arguments.minutes));
-    let ends: Vec<_> = [steps, successes, minutes].into_iter().flatten().collect();
-    format!("until {}, or good validations", ends.join(", "))
+    let validations = (!arguments.no_early_stop).then(|| "good validations".to_owned());
+    let ends: Vec<_> = [steps, successes, minutes, validations].into_iter().flatten().collect();
+    format!("until {}", ends.join(" or "))
 }
 
 /// Holds when the last validations together say that the task is learned.

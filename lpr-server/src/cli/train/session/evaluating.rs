@@ -2,9 +2,12 @@
 
 use super::{Session, ValidationPoint};
 use crate::cli::failure::Result;
+use crate::cli::train::demonstrations;
 use crate::cli::train::progress::Phase;
+use crate::run_directory;
 use core::ops::Range;
 use lpr_core::agent::PoseSource;
+use lpr_core::diagnose::{Diagnosis, DiagnosisSettings, Subject, diagnose, references};
 use lpr_core::evaluate::{Evaluation, evaluate, measure_regret};
 use lpr_core::train::Metrics;
 
@@ -16,6 +19,11 @@ const N_VALIDATION_SEEDS: u64 = 1000;
 const REGRET_SCENES: u64 = 3;
 /// Scene seeds of the final evaluation, used once.
 const TEST_SEEDS: Range<u64> = 5000..5100;
+
+/// Scenes of the diagnosis at the end of a run; `lpr diagnose` looks at more.
+const DIAGNOSIS_SCENES: u64 = 10;
+/// Scene seeds of the diagnosis: the last of the validations', which few runs get to.
+const DIAGNOSIS_SEEDS: u64 = VALIDATION_SEEDS + N_VALIDATION_SEEDS - DIAGNOSIS_SCENES;
 
 /// Success and measurements of a validation.
 pub(super) struct Validation {
@@ -38,7 +46,8 @@ impl Session<'_> {
         let found = evaluate(agent, &mut self.environment, seeds(n), |episode| {
             values.extend_from_slice(&episode.values);
             self.bar.advance(episode.scene_seed + 1 - first);
-        })?;
+        })
+        .map_err(|error| self.stopped_by(error))?;
         let mut metrics = Metrics::default();
         metrics.push("validation/episodes", found.episodes as f32);
         metrics.push("validation/successes", found.successes as f32);
@@ -62,6 +71,26 @@ impl Session<'_> {
         let validation = Validation { point, metrics };
         self.write_metrics(self.trainer.progress().env_steps, &validation.metrics)?;
         Ok(validation)
+    }
+
+    /// What the agent gets wrong, in scenes of no validation and of no final evaluation.
+    pub(super) fn diagnose(&mut self) -> Result<Diagnosis> {
+        self.stop_if_interrupted()?;
+        let n = self.trainer.config().training.validation_episodes.min(DIAGNOSIS_SCENES);
+        let seeds = DIAGNOSIS_SEEDS..DIAGNOSIS_SEEDS + n;
+        self.bar.announce(Phase::Diagnosis, n, &format!("{n} scenes"));
+        let scenes = run_directory::demonstration_scenes(&self.arguments.out)?;
+        let demonstrations =
+            demonstrations::again(&self.environment, &scenes, &self.trainer.config().demos)?;
+        let references = references(&self.environment, seeds)?;
+        let agent = self.trainer.agent();
+        let subject = Subject {
+            agent,
+            demonstrations: &demonstrations,
+            snapshots: &[],
+            seed: self.trainer.run().seed,
+        };
+        Ok(diagnose(&subject, &references, DiagnosisSettings::BRIEF)?)
     }
 
     /// The final evaluation.
