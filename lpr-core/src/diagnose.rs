@@ -17,8 +17,6 @@ mod ladder;
 mod poses;
 mod ranking;
 mod reference;
-#[cfg(test)]
-mod tests;
 
 pub use failures::{Cause, Failure};
 pub use findings::Finding;

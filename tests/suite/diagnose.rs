@@ -118,12 +118,17 @@ fn a_wrong_gripper_is_named_first() {
 fn a_shuffled_angle_is_named_first() {
     let mut agent = trained();
     for part in ["rotation.weight", "rotation.bias"] {
-        // Three angles of the same number of coefficients: those of the roll in reverse. The yaw
-        // would do no harm to a round knob.
+        // Three angles of the same number of coefficients: roll and yaw change places.
         change_attention(&mut agent, part, |tensor| {
             let n = *tensor.shape.last().expect("a column");
-            let n_roll = n / 3;
-            reorder(tensor, |column| if column < n_roll { n_roll - 1 - column } else { column });
+            reorder(tensor, |column| {
+                let shift = 2 * n / 3;
+                match column / (n / 3) {
+                    0 => column + shift,
+                    1 => column,
+                    _ => column - shift,
+                }
+            });
         });
     }
     let found = of_lid(&agent, QUICK);

@@ -32,13 +32,7 @@ pub(super) fn findings(
     found.extend(of_ladder(ladder));
     found.extend(poses.scenes.iter().filter_map(of_keyframe));
     found.extend(of_ranking(rankings.last()));
-    found.extend(labels.iter().filter_map(|keyframe| {
-        let warning = keyframe.warning.as_ref()?;
-        Some(Finding {
-            costs: None,
-            text: format!("demonstrations: keyframe {} has {warning}", keyframe.keyframe),
-        })
-    }));
+    found.extend(of_labels(labels));
     found
 }
 
@@ -167,6 +161,14 @@ fn of_ladder(ladder: &[Rung]) -> Vec<Finding> {
     .collect();
     found.sort_by(|a, b| b.costs.unwrap_or(0.0).total_cmp(&a.costs.unwrap_or(0.0)));
     found
+}
+
+fn of_labels(labels: &[KeyframeLabels]) -> Option<Finding> {
+    let warned = labels.iter().filter_map(|row| Some((row.keyframe, row.warning.as_ref()?)));
+    let texts: Vec<_> =
+        warned.map(|(keyframe, warning)| format!("keyframe {keyframe}: {warning}")).collect();
+    let text = format!("demonstrations: keyframes with two labels: {}", texts.join("; "));
+    (!texts.is_empty()).then_some(Finding { costs: None, text })
 }
 
 fn of_ranking(ranking: Option<&Ranking>) -> Option<Finding> {

@@ -112,7 +112,7 @@ fn warning(with_both: usize, n_demos: usize, rarer: f64, modes: [usize; 3]) -> O
     if with_both > 0 {
         let share = 100.0 * rarer;
         return Some(format!(
-            "two labels: {with_both} of {n_demos} demonstrations have both equivalent grasps, half a turn apart ({share:.0} % of the labels are of the rarer one)"
+            "both grasps, half a turn apart, in {with_both} of {n_demos} demonstrations ({share:.0} %)"
         ));
     }
     let names = ["roll", "pitch", "yaw"];
@@ -122,7 +122,7 @@ fn warning(with_both: usize, n_demos: usize, rarer: f64, modes: [usize; 3]) -> O
         .filter(|(_, modes)| *modes > 1)
         .map(|(name, modes)| format!("{modes} modes of {name}"))
         .collect();
-    (!several.is_empty()).then(|| format!("two labels: {}", several.join(", ")))
+    (!several.is_empty()).then(|| several.join(", "))
 }
 
 /// An angle of a label, degrees; of the yaw, without the turn of the augmentation.

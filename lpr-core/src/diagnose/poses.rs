@@ -292,3 +292,56 @@ fn summary(keyframe: usize, choices: &[&Choice]) -> KeyframePoses {
         taken_for,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::robot::Gripper;
+    use glamx::Pose3;
+
+    const CODEC: RotationCodec = RotationCodec { n_bins: 72 };
+
+    fn goal(translation: Vec3, rotation: Quat) -> NextBestPose {
+        NextBestPose { pose: Pose3::from_parts(translation, rotation), gripper: Gripper::Open }
+    }
+
+    #[test]
+    fn half_a_turn_about_the_approach_is_no_error_and_about_another_axis_is() {
+        let down = Quat::from_rotation_x(PI);
+        let truth = goal(Vec3::ZERO, down);
+        let turned = goal(Vec3::new(0.012, 0.0, 0.0), down * Quat::from_rotation_z(PI));
+        let error = PoseError::between(&turned, &truth);
+        assert!(error.rotation < 0.1 && (error.position - 0.012).abs() < 1e-6, "{error:?}");
+        assert!(error.is_right());
+        let aside = goal(Vec3::ZERO, down * Quat::from_rotation_x(0.5));
+        let error = PoseError::between(&aside, &truth);
+        assert!((error.rotation - 0.5_f32.to_degrees()).abs() < 0.1 && !error.is_near());
+    }
+
+    #[test]
+    fn the_wrong_angle_is_named_for_either_of_two_equivalent_grasps() {
+        let truth = Quat::from_rotation_z(0.4) * Quat::from_rotation_x(PI);
+        let action = |rotation| DiscreteAction {
+            voxels: Vec::new(),
+            rotation: CODEC.encode(rotation),
+            gripper: Gripper::Open,
+        };
+        for equivalent in equivalent(truth) {
+            let off = Quat::from_rotation_z(0.6) * equivalent;
+            assert_eq!(wrong_angles(CODEC, &action(off), truth), [Part::Yaw]);
+            let off = Quat::from_rotation_z(0.4)
+                * Quat::from_rotation_x(0.5)
+                * Quat::from_rotation_z(-0.4)
+                * equivalent;
+            assert_eq!(wrong_angles(CODEC, &action(off), truth), [Part::Roll]);
+        }
+        assert_eq!(degrees_between(CODEC, 71, 1), 10.0, "around the circle");
+    }
+
+    #[test]
+    fn quantiles_are_values_that_occurred() {
+        let found = Quantiles::of((1..=10).rev().map(|i| i as f32).collect());
+        assert_eq!((found.median, found.p90), (5.0, 9.0));
+        assert_eq!(Quantiles::of(vec![3.0]), Quantiles { median: 3.0, p90: 3.0 });
+    }
+}

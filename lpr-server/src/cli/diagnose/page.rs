@@ -120,7 +120,7 @@ fn page(report: &Report, text: &str, pictures: &[Drawn]) -> String {
 const STYLE: &str = "\
 body{font:15px/1.45 system-ui,sans-serif;max-width:84rem;margin:2rem auto;padding:0 1rem;color:#222}\
 h1{font-size:1.2rem}h2{font-size:1.05rem;margin:1.6rem 0 .4rem}\
-pre{font:13px/1.4 ui-monospace,monospace;overflow-x:auto;background:#f6f6f4;padding:1rem}\
+pre{font:13px/1.4 ui-monospace,monospace;white-space:pre-wrap;background:#f6f6f4;padding:1rem}\
 .row{display:flex;flex-wrap:wrap;gap:1rem}figure{margin:0;max-width:25rem}figcaption{font-size:.85rem;color:#555}\
 .chosen{color:#e13c2d}.truth{color:#28a54b}.path{color:#c77a10}";
 
@@ -130,12 +130,12 @@ fn reliability(ranking: &Ranking) -> String {
     const SIDE: f64 = 260.0;
     const MARGIN: f64 = 34.0;
     let x = |value: f64| MARGIN + SIDE * value;
-    let y = |value: f64| 8.0 + SIDE * (1.0 - value);
+    let y = |value: f64| 14.0 + SIDE * (1.0 - value);
     let most = ranking.reliability.iter().map(|bin| bin.candidates).max().unwrap_or(1) as f64;
     let mut svg = format!(
         "<svg width=\"{0}\" height=\"{1}\" viewBox=\"0 0 {0} {1}\" role=\"img\"><title>Reliability of the ranker's values</title>",
         SIDE + MARGIN + 12.0,
-        SIDE + 46.0
+        SIDE + 52.0
     );
     let _ = write!(
         svg,
