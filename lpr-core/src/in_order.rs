@@ -14,7 +14,7 @@ pub(crate) fn map_in_order<T>(n: usize, f: impl Fn(usize) -> T) -> Vec<T> {
 }
 
 /// Calls `f` on each item, with memory from `scratch` that the items of one thread share.
-#[cfg(feature = "parallel")]
+#[cfg(all(feature = "parallel", feature = "learn"))]
 pub(crate) fn each_with_scratch<T: Send, M>(
     items: Vec<T>,
     scratch: impl Fn() -> M + Sync + Send,
@@ -25,7 +25,7 @@ pub(crate) fn each_with_scratch<T: Send, M>(
 }
 
 /// Calls `f` on each item, with memory from `scratch` that all share.
-#[cfg(not(feature = "parallel"))]
+#[cfg(all(not(feature = "parallel"), feature = "learn"))]
 pub(crate) fn each_with_scratch<T, M>(
     items: Vec<T>,
     scratch: impl Fn() -> M,
