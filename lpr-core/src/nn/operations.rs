@@ -9,8 +9,9 @@ mod tests;
 
 pub(crate) use super::kernels::Activation;
 use super::kernels::dense::LayerGradients;
+pub(crate) use super::kernels::strided::Windows;
 pub(crate) use super::kernels::tiles::{Padding, Tiles};
-use super::kernels::{dense, pooled, winograd};
+use super::kernels::{dense, pooled, strided, winograd};
 
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Autodiff, Flex};
@@ -59,10 +60,33 @@ pub(crate) fn convolve(
 ) -> Tensor<2> {
     let ([n, inputs], [_, outputs]) = (x.dims(), weights.dims());
     let Some(operands) = Operands::new(&x, &weights, &bias) else {
-        return stock::convolve(x, weights, bias, tiles, activation);
+        return stock::convolve(x, weights, bias, &tiles.neighbours(), tiles.n_cells(), activation);
     };
     let function = ConvolveFunction { tiles: Arc::clone(tiles), inputs, outputs, activation };
     apply(function, operands, [n, outputs])
+}
+
+/// The same with stride 2.
+///
+/// # Shapes
+///
+/// - `x`: `[B * cells, inputs]`, cells in the order of `windows`
+/// - `weights`: `[27 * inputs, outputs]`, taps x fastest, then channels; `bias`: `[outputs]`
+/// - output: `[B * windows, outputs]`
+pub(crate) fn convolve_strided(
+    x: Tensor<2>,
+    weights: Tensor<2>,
+    bias: Tensor<1>,
+    windows: &Arc<Windows>,
+    activation: Activation,
+) -> Tensor<2> {
+    let ([n, inputs], [_, outputs]) = (x.dims(), weights.dims());
+    let Some(operands) = Operands::new(&x, &weights, &bias) else {
+        let n_cells = windows.n_cells();
+        return stock::convolve(x, weights, bias, &windows.neighbours(), n_cells, activation);
+    };
+    let function = StridedFunction { windows: Arc::clone(windows), inputs, outputs, activation };
+    apply(function, operands, [n / 8, outputs])
 }
 
 /// `activation(max over each set of (x W) + b)`.
@@ -159,6 +183,44 @@ impl Function for ConvolveFunction {
         with_x: bool,
     ) -> LayerGradients {
         winograd::backward(Level::new(), self.layer(), [x, weights, y, dy], with_x)
+    }
+}
+
+#[derive(Debug)]
+struct StridedFunction {
+    windows: Arc<Windows>,
+    inputs: usize,
+    outputs: usize,
+    activation: Activation,
+}
+
+impl StridedFunction {
+    fn layer(&self) -> strided::Layer<'_> {
+        let Self { windows, inputs, outputs, activation } = self;
+        strided::Layer {
+            windows,
+            channels_in: *inputs,
+            channels_out: *outputs,
+            activation: *activation,
+        }
+    }
+}
+
+impl Function for StridedFunction {
+    type Saved = ();
+
+    fn forward(&self, [x, weights, bias]: [&[f32]; 3]) -> (Vec<f32>, ()) {
+        (strided::forward(Level::new(), self.layer(), x, weights, bias), ())
+    }
+
+    fn backward(
+        &self,
+        [x, weights, _]: [&[f32]; 3],
+        (): &(),
+        [y, dy]: [&[f32]; 2],
+        with_x: bool,
+    ) -> LayerGradients {
+        strided::backward(Level::new(), self.layer(), [x, weights, y, dy], with_x)
     }
 }
 

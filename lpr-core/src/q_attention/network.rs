@@ -5,12 +5,15 @@ mod fast;
 mod input;
 mod layers;
 mod paper;
+mod unet;
 
 use super::settings::{NetworkSettings, QAttentionSettings};
 use crate::rng::Rng;
 pub use input::NetworkInput;
 
 use fast::{FastHeadSizes, FastNetwork, FastSizes};
+pub use unet::UNet;
+
 use paper::{PaperNetwork, PaperSizes};
 
 use burn::module::Module;

@@ -1,6 +1,7 @@
 //! Our operations beside the same of burn's own, values and gradients.
 
-use super::{Activation, Padding, Tiles, convolve, dense, pooled_dense, stock};
+use super::{Activation, Padding, Tiles, Windows, convolve, convolve_strided};
+use super::{dense, pooled_dense, stock};
 use crate::nn::golden::assert_close;
 use crate::nn::{Backend, tensor, values};
 use crate::rng::{Stream, stream};
@@ -80,9 +81,23 @@ fn a_convolution_is_burns() {
         for activation in ACTIVATIONS {
             Leaves::new([2 * 72, 5, 27 * 5, 7], &device()).compare(
                 |x, w, b| convolve(x, w, b, &tiles, activation),
-                |x, w, b| stock::convolve(x, w, b, &tiles, activation),
+                |x, w, b| stock::convolve(x, w, b, &tiles.neighbours(), 72, activation),
             );
         }
+    }
+}
+
+#[test]
+fn a_convolution_with_stride_2_is_burns() {
+    // Four blocks of 2³ cells, each contiguous.
+    let rows = (0..32).map(|i| i / 16 * 4 + i / 8 % 2 * 2 + i / 4 % 2 * 16 + i / 2 % 2 * 8 + i % 2);
+    let tiles = Tiles::in_order([2, 4, 4], Padding::Zero, &rows.collect::<Vec<_>>());
+    let windows = Arc::new(Windows::of_blocks(&tiles));
+    for activation in ACTIVATIONS {
+        Leaves::new([2 * 32, 5, 27 * 5, 7], &device()).compare(
+            |x, w, b| convolve_strided(x, w, b, &windows, activation),
+            |x, w, b| stock::convolve(x, w, b, &windows.neighbours(), 32, activation),
+        );
     }
 }
 
