@@ -1,7 +1,7 @@
 //! Fully connected layers and their initial weights, drawn from a generator that is passed in.
 
 use super::operations::{Activation, Tiles, Windows};
-use super::operations::{convolve, convolve_strided, dense, pooled_dense};
+use super::operations::{convolve, convolve_joined, convolve_strided, dense, pooled_dense};
 use super::values::tensor;
 use crate::rng::Rng;
 
@@ -103,7 +103,23 @@ impl Dense {
         convolve(x, self.weight.val(), self.bias.val(), tiles, activation)
     }
 
-    /// The same with stride 2: see [`convolve_strided`].
+    /// The same of the cells of `x`, each beside the nearest cell of the grid `below`: see
+    /// [`convolve_joined`].
+    ///
+    /// # Shapes
+    ///
+    /// - `x`: `[B * cells, own]`, `below`: `[B * cells / 8, fan_in / 27 - own]`
+    /// - output: `[B * cells, fan_out]`
+    pub(crate) fn joined(
+        &self,
+        [x, below]: [Tensor<2>; 2],
+        tiles: &Arc<Tiles>,
+        activation: Activation,
+    ) -> Tensor<2> {
+        convolve_joined([x, below], self.weight.val(), self.bias.val(), tiles, activation)
+    }
+
+    /// [`Self::convolved`] with stride 2: see [`convolve_strided`].
     ///
     /// # Shapes
     ///

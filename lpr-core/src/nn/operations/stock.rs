@@ -48,6 +48,13 @@ pub(super) fn convolve(
     dense(near, weights, bias, activation)
 }
 
+/// The channels of each row, then those of the block of eight rows that it is in.
+pub(super) fn joined(x: Tensor<2>, below: Tensor<2>) -> Tensor<2> {
+    let ([n, _], [n_below, channels]) = (x.dims(), below.dims());
+    let nearest = below.reshape([n_below, 1, channels]).expand([n_below, 8, channels]);
+    Tensor::cat(vec![x, nearest.reshape([n, channels])], 1)
+}
+
 pub(super) fn pooled_dense(
     x: Tensor<2>,
     members: usize,

@@ -133,18 +133,11 @@ impl Layers {
         let d1 = self.half[1].convolved(x, half, relu);
         let x = self.quarter[0].strided(d1.clone(), to_quarter, relu);
         let d2 = self.quarter[1].convolved(x, quarter, relu);
-        let u = self.up[0].convolved(join(d2.clone(), d1), half, relu);
-        let u = self.up[1].convolved(join(u, c), full, relu);
+        let u = self.up[0].joined([d1, d2.clone()], half, relu);
+        let u = self.up[1].joined([c, u], full, relu);
         let mean = d2.reshape([n, N_VOXELS / 64, 64]).mean_dim(1).reshape([n, 64]);
         let most = u.clone().reshape([n, N_VOXELS, 32]).max_dim(1).reshape([n, 32]);
         let head = self.head[0].activated(Tensor::cat(vec![mean, most], 1), relu);
         [self.value.forward(u).reshape([n, N_VOXELS]), self.head[1].forward(head)]
     }
-}
-
-/// The nearest cells of the grid below, then a cell's own features.
-fn join(below: Tensor<2>, own: Tensor<2>) -> Tensor<2> {
-    let ([n_below, channels], [n, _]) = (below.dims(), own.dims());
-    let nearest = below.reshape([n_below, 1, channels]).expand([n_below, 8, channels]);
-    Tensor::cat(vec![nearest.reshape([n, channels]), own], 1)
 }
