@@ -10,10 +10,9 @@ mod unet;
 use super::settings::{NetworkSettings, QAttentionSettings};
 use crate::rng::Rng;
 pub use input::NetworkInput;
-
-use fast::{FastHeadSizes, FastNetwork, FastSizes};
 pub use unet::UNet;
 
+use fast::{FastHeadSizes, FastNetwork, FastSizes};
 use paper::{PaperNetwork, PaperSizes};
 
 use burn::module::Module;

@@ -143,7 +143,8 @@ pub(crate) fn forward(
     assert_eq!(bias.len(), layer.channels_out, "a bias for each channel");
     let mut y = vec![0.0; n_samples * layer.tiles.n_cells * layer.channels_out];
     let u = dispatch!(level, simd => {
-        TransformedWeights::new(simd, weights, [layer.channels(), layer.channels_out], layer.channels_in)
+        let channels = [layer.channels(), layer.channels_out];
+        TransformedWeights::new(simd, weights, channels, layer.channels_in)
     });
     let mut rest = &mut y[..];
     let slabs = layer.slabs(n_samples, SLAB_NUMBERS).into_iter().map(|slab| {

@@ -227,7 +227,7 @@ pub(super) struct Workload {
 /// A warning of how long an update of Q-attention and the whole run will take, where that is long: `forward_seconds` for
 /// a forward pass of one scene here.
 pub(super) fn slowness(workload: Workload, forward_seconds: f64) -> Option<String> {
-    /// Environment steps that are told where none were asked for: a run of a preset is some thousand.
+    /// Environment steps that are told where none were asked for.
     const STEPS: u64 = 1000;
     /// Passes of the batch in an update: online and target network on what came next, one pass with
     /// gradients, which costs three.
