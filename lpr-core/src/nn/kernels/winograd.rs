@@ -308,7 +308,8 @@ fn backward_slab<S: Simd>(
         let [left, right] = [v.of_plane(&scratch.v, p), m.of_plane(&scratch.m, p)];
         accumulate_into(simd, left, right, &mut du[p * size..(p + 1) * size]);
     }
-    let Some((u, [dx, dbelow])) = to_inputs else { return };
+    let Some((u, gradients)) = to_inputs else { return };
+    let [dx, dbelow] = gradients;
     v.multiply(simd, (m, &scratch.m), u, &mut scratch.v);
     add_to_inputs(simd, slab, v, &mut scratch.v, dx);
     add_to_below(simd, slab, v, &scratch.v, dbelow);
