@@ -3,7 +3,7 @@
 # without it.
 ALL := --locked --workspace --features lpr-core/ndarray
 
-.PHONY: check setup fmt lint deny doc book docs-long page planner gallery test test-doc package tools faults robots fuzz bench-wasm
+.PHONY: check setup fmt lint deny doc book docs-long page planner gallery test test-doc package tools faults robots fuzz bench-wasm bench-pytorch
 
 check: setup fmt lint deny doc book page planner test test-doc package
 
@@ -71,6 +71,12 @@ bench-wasm:
 	lpr-wasm/build.sh
 	cargo build --release --locked
 	node tests/node/bench.mjs target/release/lpr
+
+# Networks beside PyTorch, measured in turn; slow, by hand on a quiet machine: PyTorch's wheel alone is gigabytes.
+bench-pytorch:
+	tests/python.sh peers/pytorch
+	cargo build --release --locked
+	tests/peers/pytorch/.venv/bin/python tests/peers/pytorch/beside.py target/release/lpr
 
 # The demo page, in www/dist: `lpr serve` serves it from there.
 page: www/node_modules

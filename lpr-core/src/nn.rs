@@ -22,6 +22,6 @@ pub use parameters::NamedTensor;
 pub(crate) use adam::{Adam, parameter_gradients};
 pub(crate) use halves::{ParameterGradients, in_halves, sum_of_gradients};
 pub(crate) use layers::{Dense, Mlp, Spread};
-pub(crate) use operations::{Activation, Padding, Tiles, convolve, dense};
+pub(crate) use operations::{Activation, Padding, Tiles, Windows, convolve, dense};
 pub(crate) use parameters::{export, import, mix};
 pub(crate) use values::{tensor, values};

@@ -23,7 +23,7 @@ pub use agent::{
 #[cfg(feature = "learn")]
 pub use batch::{AugmentedLabel, QSample};
 #[cfg(feature = "learn")]
-pub use network::{Heads, NetworkCost, NetworkInput, PoseValues, QNetwork, QValues};
+pub use network::{Heads, NetworkCost, NetworkInput, PoseValues, QNetwork, QValues, UNet};
 pub use next_best_pose::NextBestPose;
 pub use observation::{QObservation, StoredPoint};
 pub use settings::{Imitation, NetworkSettings, QAttentionSettings};

@@ -1,4 +1,5 @@
-"""Reference for the paper's Q-attention network: one forward and one backward pass of a narrow one, in PyTorch with float64.
+"""Reference for the paper's Q-attention network: one forward and one backward pass of a narrow one and of the one that the preset
+`paper` names, in PyTorch with float64.
 
     pip install torch==2.15.0
     python tests/peers/q_network.py           # writes tests/golden/q_network.json
@@ -15,21 +16,30 @@ import torch.nn.functional as F
 
 torch.set_default_dtype(torch.float64)
 GOLDEN = pathlib.Path(__file__).parent.parent / "golden"
-SIDE, CHANNELS, BOTTLENECK, HIDDEN, BINS, BATCH = 8, 4, 3, 5, 4, 2
+BATCH = 2
+# Gradients of a tensor that are kept of the wide network, evenly apart.
+KEPT = 32
 
 
 def wave(n, step, start):
     return torch.tensor([math.sin(step * i + start) for i in range(n)])
 
 
-class Parameters:
-    """Parameters in the order in which they are asked for: tensor k holds sin(0.7 i + 1.3 k) / sqrt(fan in)."""
+def noise(n, step, start):
+    """Without the pattern of a wave, whose gradients in the wide network cancel: even f32 in PyTorch then differs from f64 by more
+    than any of them, with these by 1.1e-5 of the largest of a tensor."""
+    values = [math.sin(step * 12.9898 * i + 78.233 * (start + 1)) * 43758.5453 for i in range(n)]
+    return torch.tensor([2 * (v - math.floor(v)) - 1 for v in values])
 
-    def __init__(self):
-        self.tensors = []
+
+class Parameters:
+    """Parameters in the order in which they are asked for: tensor k holds numbers(n, 0.7, 1.3 k) / sqrt(fan in)."""
+
+    def __init__(self, bottleneck, numbers):
+        self.tensors, self.bottleneck, self.numbers = [], bottleneck, numbers
 
     def make(self, shape, fan_in):
-        values = wave(math.prod(shape), 0.7, 1.3 * len(self.tensors)) / math.sqrt(fan_in)
+        values = self.numbers(math.prod(shape), 0.7, 1.3 * len(self.tensors)) / math.sqrt(fan_in)
         self.tensors.append(values.reshape(shape).requires_grad_())
         return self.tensors[-1]
 
@@ -50,8 +60,9 @@ class Parameters:
 
     def inception(self, c_in, c_out):
         point = self.conv(c_in, c_out // 2, 1)
-        near = [self.conv(c_in, BOTTLENECK, 1), self.conv(BOTTLENECK, c_out // 4, 3)]
-        far = [self.conv(c_in, BOTTLENECK, 1), self.conv(BOTTLENECK, BOTTLENECK, 3), self.conv(BOTTLENECK, c_out // 4, 3)]
+        b = self.bottleneck
+        near = [self.conv(c_in, b, 1), self.conv(b, c_out // 4, 3)]
+        far = [self.conv(c_in, b, 1), self.conv(b, b, 3), self.conv(b, c_out // 4, 3)]
 
         def branch(layers, x):
             for layer in layers:
@@ -76,20 +87,21 @@ def spatial_softmax(x):
     return torch.stack(axes, -1).reshape(b, 3 * c)
 
 
-def main():
-    p = Parameters()
-    c = CHANNELS
+def run(numbers, side, channels, bottleneck, width, bins):
+    """Parameters with gradients, the values of voxels and pose, and the loss."""
+    p = Parameters(bottleneck, numbers)
+    c = channels
     first = p.inception(10, c)
     proprio = p.dense(11, c)
     down = [p.inception(2 * c, c), p.inception(c, 2 * c), p.inception(2 * c, 4 * c)]
     up = [(p.inception(4 * c, c), p.inception(c, c)), (p.inception(3 * c, c), p.inception(c, c))]
     merge, translation = p.conv(2 * c, c, 3), p.conv(c, 1, 3)
-    hidden = [p.dense(32 * c, HIDDEN), p.dense(HIDDEN, HIDDEN)]
-    out = p.dense(HIDDEN, 3 * BINS + 2)
+    hidden = [p.dense(32 * c, width), p.dense(width, width)]
+    out = p.dense(width, 3 * bins + 2)
 
-    voxels = wave(BATCH * 10 * SIDE**3, 0.11, 0.5).reshape(BATCH, 10, SIDE, SIDE, SIDE)
-    low_dim = wave(BATCH * 11, 0.3, 0.0).reshape(BATCH, 11)
-    tiled = leaky(proprio(low_dim))[:, :, None, None, None].expand(-1, -1, SIDE, SIDE, SIDE)
+    voxels = numbers(BATCH * 10 * side**3, 0.11, 0.5).reshape(BATCH, 10, side, side, side)
+    low_dim = numbers(BATCH * 11, 0.3, 0.0).reshape(BATCH, 11)
+    tiled = leaky(proprio(low_dim))[:, :, None, None, None].expand(-1, -1, side, side, side)
     pool = lambda x: F.max_pool3d(x, 3, 2, 1)
     double = lambda x: F.interpolate(x, scale_factor=2, mode="trilinear", align_corners=False)
     d0 = down[0](torch.cat([first(voxels), tiled], 1))
@@ -106,14 +118,30 @@ def main():
 
     loss = (q**2).mean() + (pose**2).mean()
     loss.backward()
-    # One number per parameter tensor: its gradient along a wave.
-    slopes = [(t.grad.reshape(-1) * wave(t.numel(), 0.9, 0.2)).sum().item() for t in p.tensors]
-    golden = {
-        "translation": [round(v, 7) for v in q.reshape(-1)[::7].tolist()],
+    return p.tensors, q, pose, loss
+
+
+def outputs(q, pose, loss, step):
+    return {
+        "translation": [round(v, 7) for v in q.reshape(-1)[::step].tolist()],
         "pose": [round(v, 7) for v in pose.reshape(-1).tolist()],
         "loss": loss.item(),
-        "slopes": [round(v, 8) for v in slopes],
     }
+
+
+def main():
+    tensors, *found = run(wave, side=8, channels=4, bottleneck=3, width=5, bins=4)
+    # One number per parameter tensor: its gradient along a wave.
+    slopes = [(t.grad.reshape(-1) * wave(t.numel(), 0.9, 0.2)).sum().item() for t in tensors]
+    golden = outputs(*found, 7) | {"slopes": [round(v, 8) for v in slopes]}
+
+    tensors, *found = run(noise, side=16, channels=64, bottleneck=32, width=128, bins=72)
+    gradients = []
+    for tensor in tensors:
+        flat = tensor.grad.reshape(-1)
+        kept = flat[:: max(1, flat.numel() // KEPT)].tolist()
+        gradients.append({"largest": float(f"{flat.abs().max():.7g}"), "kept": [float(f"{v:.7g}") for v in kept]})
+    golden["paper"] = outputs(*found, 61) | {"gradients": gradients}
     (GOLDEN / "q_network.json").write_text(json.dumps(golden) + "\n")
 
 

@@ -8,6 +8,7 @@
 pub(super) mod dense;
 mod matmul;
 pub(super) mod pooled;
+pub(super) mod strided;
 #[cfg(test)]
 mod tests;
 pub(super) mod tiles;

@@ -1,6 +1,7 @@
 //! Fully connected layers and their initial weights, drawn from a generator that is passed in.
 
-use super::operations::{Activation, Tiles, convolve, dense, pooled_dense};
+use super::operations::{Activation, Tiles, Windows};
+use super::operations::{convolve, convolve_joined, convolve_strided, dense, pooled_dense};
 use super::values::tensor;
 use crate::rng::Rng;
 
@@ -100,6 +101,37 @@ impl Dense {
         activation: Activation,
     ) -> Tensor<2> {
         convolve(x, self.weight.val(), self.bias.val(), tiles, activation)
+    }
+
+    /// The same of the cells of `x`, each beside the nearest cell of the grid `below`: see
+    /// [`convolve_joined`].
+    ///
+    /// # Shapes
+    ///
+    /// - `x`: `[B * cells, own]`, `below`: `[B * cells / 8, fan_in / 27 - own]`
+    /// - output: `[B * cells, fan_out]`
+    pub(crate) fn joined(
+        &self,
+        [x, below]: [Tensor<2>; 2],
+        tiles: &Arc<Tiles>,
+        activation: Activation,
+    ) -> Tensor<2> {
+        convolve_joined([x, below], self.weight.val(), self.bias.val(), tiles, activation)
+    }
+
+    /// [`Self::convolved`] with stride 2: see [`convolve_strided`].
+    ///
+    /// # Shapes
+    ///
+    /// - `x`: `[B * cells, fan_in / 27]`
+    /// - output: `[B * cells / 8, fan_out]`
+    pub(crate) fn strided(
+        &self,
+        x: Tensor<2>,
+        windows: &Arc<Windows>,
+        activation: Activation,
+    ) -> Tensor<2> {
+        convolve_strided(x, self.weight.val(), self.bias.val(), windows, activation)
     }
 
     /// The maximum over each set of `members` rows, activated: see [`pooled_dense`].

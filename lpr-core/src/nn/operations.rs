@@ -9,8 +9,9 @@ mod tests;
 
 pub(crate) use super::kernels::Activation;
 use super::kernels::dense::LayerGradients;
+pub(crate) use super::kernels::strided::Windows;
 pub(crate) use super::kernels::tiles::{Padding, Tiles};
-use super::kernels::{dense, pooled, winograd};
+use super::kernels::{dense, pooled, strided, winograd};
 
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Autodiff, Flex};
@@ -22,6 +23,17 @@ use burn_autodiff::ops::{Backward, Ops, OpsKind};
 use core::fmt::Debug;
 use fearless_simd::Level;
 use std::sync::Arc;
+
+/// The operands of these names, unless they are on another device.
+macro_rules! operands {
+    ($($tensor:ident),*) => {{
+        let plain =
+            || Some([$($tensor.clone().try_into_primitive::<Flex>().ok()?),*]);
+        let tracked =
+            || Some([$($tensor.clone().try_into_primitive::<Autodiff<Flex>>().ok()?),*]);
+        plain().map(Operands::Plain).or_else(|| tracked().map(Operands::Tracked))
+    }};
+}
 
 /// `activation(x W + b)`.
 ///
@@ -36,7 +48,7 @@ pub(crate) fn dense(
     activation: Activation,
 ) -> Tensor<2> {
     let ([n, inputs], [_, outputs]) = (x.dims(), weights.dims());
-    let Some(operands) = Operands::new(&x, &weights, &bias) else {
+    let Some(operands) = operands!(x, weights, bias) else {
         return stock::dense(x, weights, bias, activation);
     };
     let layer = dense::Layer { inputs, outputs, activation };
@@ -58,10 +70,60 @@ pub(crate) fn convolve(
     activation: Activation,
 ) -> Tensor<2> {
     let ([n, inputs], [_, outputs]) = (x.dims(), weights.dims());
-    let Some(operands) = Operands::new(&x, &weights, &bias) else {
-        return stock::convolve(x, weights, bias, tiles, activation);
+    let Some(operands) = operands!(x, weights, bias) else {
+        return stock::convolve(x, weights, bias, &tiles.neighbours(), tiles.n_cells(), activation);
     };
-    let function = ConvolveFunction { tiles: Arc::clone(tiles), inputs, outputs, activation };
+    let tiles = Arc::clone(tiles);
+    let function = ConvolveFunction { tiles, inputs, channels_below: 0, outputs, activation };
+    apply(function, operands, [n, outputs])
+}
+
+/// The same with stride 2.
+///
+/// # Shapes
+///
+/// - `x`: `[B * cells, inputs]`, cells in the order of `windows`
+/// - `weights`: `[27 * inputs, outputs]`, taps x fastest, then channels; `bias`: `[outputs]`
+/// - output: `[B * windows, outputs]`
+pub(crate) fn convolve_strided(
+    x: Tensor<2>,
+    weights: Tensor<2>,
+    bias: Tensor<1>,
+    windows: &Arc<Windows>,
+    activation: Activation,
+) -> Tensor<2> {
+    let ([n, inputs], [_, outputs]) = (x.dims(), weights.dims());
+    let Some(operands) = operands!(x, weights, bias) else {
+        let n_cells = windows.n_cells();
+        return stock::convolve(x, weights, bias, &windows.neighbours(), n_cells, activation);
+    };
+    let function = StridedFunction { windows: Arc::clone(windows), inputs, outputs, activation };
+    apply(function, operands, [n / 8, outputs])
+}
+
+/// `activation(conv(x beside the block of eight rows that it is in) + b)`: the nearest cells of the
+/// grid below.
+///
+/// # Shapes
+///
+/// - `x`: `[B * cells, own]`, aligned 2³ blocks of cells contiguous
+/// - `below`: `[B * cells / 8, inputs - own]`
+/// - `weights`: `[27 * inputs, outputs]`, taps x fastest, then channels; `bias`: `[outputs]`
+/// - output: `[B * cells, outputs]`
+pub(crate) fn convolve_joined(
+    [x, below]: [Tensor<2>; 2],
+    weights: Tensor<2>,
+    bias: Tensor<1>,
+    tiles: &Arc<Tiles>,
+    activation: Activation,
+) -> Tensor<2> {
+    let ([n, own], [_, channels_below], [_, outputs]) = (x.dims(), below.dims(), weights.dims());
+    let Some(operands) = operands!(x, weights, bias, below) else {
+        let x = stock::joined(x, below);
+        return stock::convolve(x, weights, bias, &tiles.neighbours(), tiles.n_cells(), activation);
+    };
+    let tiles = Arc::clone(tiles);
+    let function = ConvolveFunction { tiles, inputs: own, channels_below, outputs, activation };
     apply(function, operands, [n, outputs])
 }
 
@@ -79,34 +141,38 @@ pub(crate) fn pooled_dense(
     activation: Activation,
 ) -> Tensor<2> {
     let ([n, inputs], [_, outputs]) = (x.dims(), weights.dims());
-    let Some(operands) = Operands::new(&x, &weights, &bias) else {
+    let Some(operands) = operands!(x, weights, bias) else {
         return stock::pooled_dense(x, members, weights, bias, activation);
     };
     let layer = dense::Layer { inputs, outputs, activation };
     apply(PooledFunction { layer, members }, operands, [n / members, outputs])
 }
 
-/// A function of three slices, all of a layer here: input, weights and bias.
-trait Function: Debug + Send + Sync + 'static {
+/// A function of slices, all of a layer here: input, weights and bias, then what else there is.
+trait Function<const N: usize>: Debug + Send + Sync + 'static {
     /// What the gradient needs beside operands and output.
     type Saved: Debug + Clone + Send + 'static;
 
-    fn forward(&self, operands: [&[f32]; 3]) -> (Vec<f32>, Self::Saved);
+    fn forward(&self, operands: [&[f32]; N]) -> (Vec<f32>, Self::Saved);
 
-    /// The gradients from the output and its gradient; that of the input only if it is wanted.
+    /// The gradients from the output and its gradient; those of inputs only if one is wanted.
     fn backward(
         &self,
-        operands: [&[f32]; 3],
+        operands: [&[f32]; N],
         saved: &Self::Saved,
         outputs: [&[f32]; 2],
         with_x: bool,
-    ) -> LayerGradients;
+    ) -> [Option<Vec<f32>>; N];
+}
+
+fn of_layer(LayerGradients { x, weights, bias }: LayerGradients) -> [Option<Vec<f32>>; 3] {
+    [x, Some(weights), Some(bias)]
 }
 
 #[derive(Debug)]
 struct DenseFunction(dense::Layer);
 
-impl Function for DenseFunction {
+impl Function<3> for DenseFunction {
     type Saved = ();
 
     fn forward(&self, [x, weights, bias]: [&[f32]; 3]) -> (Vec<f32>, ()) {
@@ -119,8 +185,8 @@ impl Function for DenseFunction {
         (): &(),
         [y, dy]: [&[f32]; 2],
         with_x: bool,
-    ) -> LayerGradients {
-        dense::backward(Level::new(), self.0, [x, weights, y, dy], with_x)
+    ) -> [Option<Vec<f32>>; 3] {
+        of_layer(dense::backward(Level::new(), self.0, [x, weights, y, dy], with_x))
     }
 }
 
@@ -128,15 +194,79 @@ impl Function for DenseFunction {
 struct ConvolveFunction {
     tiles: Arc<Tiles>,
     inputs: usize,
+    channels_below: usize,
     outputs: usize,
     activation: Activation,
 }
 
 impl ConvolveFunction {
     fn layer(&self) -> winograd::Layer<'_> {
-        let Self { tiles, inputs, outputs, activation } = self;
+        let Self { tiles, inputs, channels_below, outputs, activation } = self;
         winograd::Layer {
             tiles,
+            channels_in: *inputs,
+            channels_below: *channels_below,
+            channels_out: *outputs,
+            activation: *activation,
+        }
+    }
+}
+
+impl Function<3> for ConvolveFunction {
+    type Saved = ();
+
+    fn forward(&self, [x, weights, bias]: [&[f32]; 3]) -> (Vec<f32>, ()) {
+        Function::<4>::forward(self, [x, weights, bias, &[]])
+    }
+
+    fn backward(
+        &self,
+        [x, weights, bias]: [&[f32]; 3],
+        (): &(),
+        outputs: [&[f32]; 2],
+        with_x: bool,
+    ) -> [Option<Vec<f32>>; 3] {
+        let operands = [x, weights, bias, &[]];
+        let [x, weights, bias, _] = Function::<4>::backward(self, operands, &(), outputs, with_x);
+        [x, weights, bias]
+    }
+}
+
+/// With the channels of blocks.
+impl Function<4> for ConvolveFunction {
+    type Saved = ();
+
+    fn forward(&self, [x, weights, bias, below]: [&[f32]; 4]) -> (Vec<f32>, ()) {
+        (winograd::forward(Level::new(), self.layer(), [x, below], weights, bias), ())
+    }
+
+    fn backward(
+        &self,
+        [x, weights, _, below]: [&[f32]; 4],
+        (): &(),
+        [y, dy]: [&[f32]; 2],
+        with_x: bool,
+    ) -> [Option<Vec<f32>>; 4] {
+        let slices = [x, below, weights, y, dy];
+        let (layer, below) = winograd::backward(Level::new(), self.layer(), slices, with_x);
+        let [x, weights, bias] = of_layer(layer);
+        [x, weights, bias, below]
+    }
+}
+
+#[derive(Debug)]
+struct StridedFunction {
+    windows: Arc<Windows>,
+    inputs: usize,
+    outputs: usize,
+    activation: Activation,
+}
+
+impl StridedFunction {
+    fn layer(&self) -> strided::Layer<'_> {
+        let Self { windows, inputs, outputs, activation } = self;
+        strided::Layer {
+            windows,
             channels_in: *inputs,
             channels_out: *outputs,
             activation: *activation,
@@ -144,11 +274,11 @@ impl ConvolveFunction {
     }
 }
 
-impl Function for ConvolveFunction {
+impl Function<3> for StridedFunction {
     type Saved = ();
 
     fn forward(&self, [x, weights, bias]: [&[f32]; 3]) -> (Vec<f32>, ()) {
-        (winograd::forward(Level::new(), self.layer(), x, weights, bias), ())
+        (strided::forward(Level::new(), self.layer(), x, weights, bias), ())
     }
 
     fn backward(
@@ -157,8 +287,8 @@ impl Function for ConvolveFunction {
         (): &(),
         [y, dy]: [&[f32]; 2],
         with_x: bool,
-    ) -> LayerGradients {
-        winograd::backward(Level::new(), self.layer(), [x, weights, y, dy], with_x)
+    ) -> [Option<Vec<f32>>; 3] {
+        of_layer(strided::backward(Level::new(), self.layer(), [x, weights, y, dy], with_x))
     }
 }
 
@@ -168,7 +298,7 @@ struct PooledFunction {
     members: usize,
 }
 
-impl Function for PooledFunction {
+impl Function<3> for PooledFunction {
     /// The maxima: their values are the output once more.
     type Saved = Arc<pooled::Maxima>;
 
@@ -183,41 +313,25 @@ impl Function for PooledFunction {
         saved: &Self::Saved,
         [_, dy]: [&[f32]; 2],
         with_x: bool,
-    ) -> LayerGradients {
+    ) -> [Option<Vec<f32>>; 3] {
         let (layer, members) = (self.layer, self.members);
-        pooled::backward(Level::new(), layer, members, [x, weights, dy], saved, with_x)
+        let operands = [x, weights, dy];
+        of_layer(pooled::backward(Level::new(), layer, members, operands, saved, with_x))
     }
 }
 
 type Plain = FloatTensor<Flex>;
 type Tracked = FloatTensor<Autodiff<Flex>>;
 
-/// Input, weights and bias on burn-flex, all plain or all tracked.
-enum Operands {
-    Plain([Plain; 3]),
-    Tracked([Tracked; 3]),
+/// Operands on burn-flex, all plain or all tracked.
+enum Operands<const N: usize> {
+    Plain([Plain; N]),
+    Tracked([Tracked; N]),
 }
 
-impl Operands {
-    /// None on another device.
-    fn new(x: &Tensor<2>, weights: &Tensor<2>, bias: &Tensor<1>) -> Option<Self> {
-        let plain = || {
-            let x = x.clone().try_into_primitive::<Flex>().ok()?;
-            let weights = weights.clone().try_into_primitive::<Flex>().ok()?;
-            Some([x, weights, bias.clone().try_into_primitive::<Flex>().ok()?])
-        };
-        let tracked = || {
-            let x = x.clone().try_into_primitive::<Autodiff<Flex>>().ok()?;
-            let weights = weights.clone().try_into_primitive::<Autodiff<Flex>>().ok()?;
-            Some([x, weights, bias.clone().try_into_primitive::<Autodiff<Flex>>().ok()?])
-        };
-        plain().map(Self::Plain).or_else(|| tracked().map(Self::Tracked))
-    }
-}
-
-fn apply<F: Function, const D: usize>(
+fn apply<F: Function<N>, const N: usize, const D: usize>(
     function: F,
-    operands: Operands,
+    operands: Operands<N>,
     shape: [usize; D],
 ) -> Tensor<D> {
     let tensor = |values| Plain::from_data(TensorData::new(values, shape));
@@ -265,14 +379,14 @@ impl<F> Step<F> {
 }
 
 #[derive(Debug)]
-struct State<F: Function> {
+struct State<F: Function<N>, const N: usize> {
     function: Arc<F>,
-    operands: [Plain; 3],
+    operands: [Plain; N],
     saved: F::Saved,
     output: Plain,
 }
 
-impl<F: Function> Clone for State<F> {
+impl<F: Function<N>, const N: usize> Clone for State<F, N> {
     fn clone(&self) -> Self {
         Self {
             function: Arc::clone(&self.function),
@@ -283,12 +397,12 @@ impl<F: Function> Clone for State<F> {
     }
 }
 
-impl<F: Function> Backward<Flex, 3> for Step<F> {
-    type State = State<F>;
+impl<F: Function<N>, const N: usize> Backward<Flex, N> for Step<F> {
+    type State = State<F, N>;
 
     fn backward(
         self,
-        ops: Ops<Self::State, 3>,
+        ops: Ops<Self::State, N>,
         gradients: &mut Gradients,
         _checkpointer: &mut Checkpointer,
     ) {
@@ -299,10 +413,9 @@ impl<F: Function> Backward<Flex, 3> for Step<F> {
             slices,
             &saved,
             [slice(&output), slice(&dy)],
-            ops.parents[0].is_some(),
+            // Weights and bias are always wanted.
+            [0, 3].iter().any(|&idx| ops.parents.get(idx).is_some_and(Option::is_some)),
         );
-        let LayerGradients { x, weights, bias } = found;
-        let found = [x, Some(weights), Some(bias)];
         for ((parent, gradient), operand) in ops.parents.iter().zip(found).zip(&operands) {
             if let (Some(parent), Some(gradient)) = (parent, gradient) {
                 let shape = operand.layout().shape().clone();

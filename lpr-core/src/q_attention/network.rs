@@ -5,10 +5,12 @@ mod fast;
 mod input;
 mod layers;
 mod paper;
+mod unet;
 
 use super::settings::{NetworkSettings, QAttentionSettings};
 use crate::rng::Rng;
 pub use input::NetworkInput;
+pub use unet::UNet;
 
 use fast::{FastHeadSizes, FastNetwork, FastSizes};
 use paper::{PaperNetwork, PaperSizes};

@@ -179,17 +179,69 @@ fn winograds_convolution_and_its_gradients_are_the_sums_at_every_level() {
             let layer = winograd::Layer {
                 tiles: &tiles,
                 channels_in: c_in,
+                channels_below: 0,
                 channels_out: c_out,
                 activation: Activation::Linear,
             };
             let what = format!("{dims:?}, {c_in} to {c_out}, {level:?}");
-            assert_near(&what, &winograd::forward(level, layer, &x, &w, &bias), &expected.y);
-            let gradients = winograd::backward(level, layer, [&x, &w, &dy, &dy], true);
+            assert_near(&what, &winograd::forward(level, layer, [&x, &[]], &w, &bias), &expected.y);
+            let slices = [&x[..], &[], &w, &dy, &dy];
+            let (gradients, _) = winograd::backward(level, layer, slices, true);
             assert_near(&what, &gradients.x.expect("asked for"), &expected.dx);
             assert_near(&what, &gradients.weights, &expected.dw);
-            let without = winograd::backward(level, layer, [&x, &w, &dy, &dy], false);
-            assert!(without.x.is_none());
+            let (without, below) = winograd::backward(level, layer, slices, false);
+            assert!(without.x.is_none() && below.is_none());
             assert_eq!(without.weights, gradients.weights);
+        }
+    }
+}
+
+/// The channels of a block of eight rows are those of each of its cells.
+#[test]
+fn a_convolution_beside_the_grid_below_is_that_of_the_joined_cells_at_every_level() {
+    let rng = &mut rng();
+    let ([own, below, c_out], n_cells) = ([16, 21, 35], 64);
+    let total = own + below;
+    // 4³ cells in blocks of 2³.
+    let rows = (0..n_cells).map(|i| {
+        let [z, y, x] = [i / 16, i / 4 % 4, i % 4];
+        ((z / 2 * 2 + y / 2) * 2 + x / 2) * 8 + (z % 2 * 2 + y % 2) * 2 + x % 2
+    });
+    let rows = rows.collect::<Vec<_>>();
+    let (x, of_blocks) = (random(2 * n_cells * own, rng), random(2 * n_cells / 8 * below, rng));
+    let (w, bias) = (random(27 * total * c_out, rng), random(c_out, rng));
+    let dy = random(2 * n_cells * c_out, rng);
+    let joined = x.chunks_exact(own).enumerate();
+    let joined = joined
+        .flat_map(|(row, own)| [own, &of_blocks[row / 8 * below..][..below]].concat())
+        .collect::<Vec<_>>();
+    for padding in [Padding::Zero, Padding::Replicate] {
+        let tiles = Tiles::in_order([4; 3], padding, &rows);
+        let near = tiles.neighbours();
+        let expected = convolution(&near, [&joined, &w, &bias, &dy], [total, c_out]);
+        let (mut dx, mut dbelow) = (Vec::new(), vec![0.0; of_blocks.len()]);
+        for (row, gradient) in expected.dx.chunks_exact(total).enumerate() {
+            dx.extend_from_slice(&gradient[..own]);
+            for (sum, value) in dbelow[row / 8 * below..][..below].iter_mut().zip(&gradient[own..])
+            {
+                *sum += value;
+            }
+        }
+        for level in levels() {
+            let layer = winograd::Layer {
+                tiles: &tiles,
+                channels_in: own,
+                channels_below: below,
+                channels_out: c_out,
+                activation: Activation::Linear,
+            };
+            let y = winograd::forward(level, layer, [&x, &of_blocks], &w, &bias);
+            assert_near("output", &y, &expected.y);
+            let slices = [&x[..], &of_blocks, &w, &dy, &dy];
+            let (gradients, of_blocks) = winograd::backward(level, layer, slices, true);
+            assert_near("cells", &gradients.x.expect("asked for"), &dx);
+            assert_near("blocks", &of_blocks.expect("asked for"), &dbelow);
+            assert_near("weights", &gradients.weights, &expected.dw);
         }
     }
 }
@@ -209,10 +261,11 @@ fn the_order_of_the_cells_changes_no_value() {
         let layer = winograd::Layer {
             tiles,
             channels_in: c_in,
+            channels_below: 0,
             channels_out: c_out,
             activation: Activation::Relu,
         };
-        winograd::forward(Level::new(), layer, x, &w, &bias)
+        winograd::forward(Level::new(), layer, [x, &[]], &w, &bias)
     };
     let raster = convolved(&Tiles::raster(dims, Padding::Replicate), &x);
     let tiles = Tiles::in_order(dims, Padding::Replicate, &rows);
@@ -223,10 +276,16 @@ fn the_order_of_the_cells_changes_no_value() {
 fn what_is_not_a_number_stays_so() {
     let tiles = Tiles::raster([2; 3], Padding::Replicate);
     for activation in ACTIVATIONS {
-        let layer = winograd::Layer { tiles: &tiles, channels_in: 1, channels_out: 1, activation };
+        let layer = winograd::Layer {
+            tiles: &tiles,
+            channels_in: 1,
+            channels_below: 0,
+            channels_out: 1,
+            activation,
+        };
         let mut x = [1.0; 8];
         x[3] = f32::NAN;
-        let y = winograd::forward(Level::new(), layer, &x, &[0.1; 27], &[0.0]);
+        let y = winograd::forward(Level::new(), layer, [&x, &[]], &[0.1; 27], &[0.0]);
         assert!(y.iter().all(|value| value.is_nan()), "{y:?}");
         let layer = dense::Layer { inputs: 8, outputs: 1, activation };
         let y = dense::forward(Level::new(), layer, &x, &[0.1; 8], &[0.0]);
@@ -284,13 +343,14 @@ fn one_and_more_threads_give_the_same_bits() {
     let layer = winograd::Layer {
         tiles: &tiles,
         channels_in: 32,
+        channels_below: 0,
         channels_out: 48,
         activation: Activation::Relu,
     };
     let (x, w, bias) = (random(4 * 512 * 32, rng), random(27 * 32 * 48, rng), random(48, rng));
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        pool.install(|| winograd::forward(Level::new(), layer, &x, &w, &bias))
+        pool.install(|| winograd::forward(Level::new(), layer, [&x, &[]], &w, &bias))
     };
     let one = with(1);
     assert_eq!(one, with(2));

@@ -72,6 +72,11 @@ impl Tiles {
         Self { n_cells, inputs, outputs, groups }
     }
 
+    /// Rows of a sample.
+    pub(crate) const fn n_cells(&self) -> usize {
+        self.n_cells
+    }
+
     /// For each row the rows of its 3³ neighbourhood, x fastest; none beyond the grid.
     pub(crate) fn neighbours(&self) -> Vec<[Option<usize>; 27]> {
         let mut near = vec![[None; 27]; self.n_cells];

@@ -1,6 +1,7 @@
 //! Our operations beside the same of burn's own, values and gradients.
 
-use super::{Activation, Padding, Tiles, convolve, dense, pooled_dense, stock};
+use super::{Activation, Padding, Tiles, Windows, convolve, convolve_strided};
+use super::{convolve_joined, dense, pooled_dense, stock};
 use crate::nn::golden::assert_close;
 use crate::nn::{Backend, tensor, values};
 use crate::rng::{Stream, stream};
@@ -80,10 +81,57 @@ fn a_convolution_is_burns() {
         for activation in ACTIVATIONS {
             Leaves::new([2 * 72, 5, 27 * 5, 7], &device()).compare(
                 |x, w, b| convolve(x, w, b, &tiles, activation),
-                |x, w, b| stock::convolve(x, w, b, &tiles, activation),
+                |x, w, b| stock::convolve(x, w, b, &tiles.neighbours(), 72, activation),
             );
         }
     }
+}
+
+#[test]
+fn a_convolution_with_stride_2_is_burns() {
+    // Four blocks of 2³ cells, each contiguous.
+    let rows = (0..32).map(|i| i / 16 * 4 + i / 8 % 2 * 2 + i / 4 % 2 * 16 + i / 2 % 2 * 8 + i % 2);
+    let tiles = Tiles::in_order([2, 4, 4], Padding::Zero, &rows.collect::<Vec<_>>());
+    let windows = Arc::new(Windows::of_blocks(&tiles));
+    for activation in ACTIVATIONS {
+        Leaves::new([2 * 32, 5, 27 * 5, 7], &device()).compare(
+            |x, w, b| convolve_strided(x, w, b, &windows, activation),
+            |x, w, b| stock::convolve(x, w, b, &windows.neighbours(), 32, activation),
+        );
+    }
+}
+
+#[test]
+fn a_convolution_beside_the_grid_below_is_burns() {
+    let tiles = Arc::new(Tiles::in_order(
+        [2, 2, 4],
+        Padding::Zero,
+        &[0, 1, 8, 9, 2, 3, 10, 11, 4, 5, 12, 13, 6, 7, 14, 15],
+    ));
+    let device = device();
+    let below = (0..20).map(|i| libm::cosf(i as f32)).collect();
+    let below = tensor(below, [4, 5], &device).require_grad();
+    let leaves = Leaves::new([2 * 16, 16, 27 * 21, 7], &device);
+    leaves.compare(
+        |x, w, b| convolve_joined([x, below.clone()], w, b, &tiles, Activation::Relu),
+        |x, w, b| {
+            let x = stock::joined(x, below.clone());
+            stock::convolve(x, w, b, &tiles.neighbours(), 16, Activation::Relu)
+        },
+    );
+    let of_below = |y: Tensor<2>| {
+        values(below.grad(&y.square().sum().backward()).expect("a gradient of the grid below"))
+    };
+    let (w, b) = (&leaves.weights, &leaves.bias);
+    let constant = tensor(values(leaves.x.clone().inner()), [32, 16], &device);
+    let x = [constant.clone(), below.clone()];
+    let ours = convolve_joined(x, w.clone(), b.clone(), &tiles, Activation::Linear);
+    let x = stock::joined(constant, below.clone());
+    let near = tiles.neighbours();
+    let stock = stock::convolve(x, w.clone(), b.clone(), &near, 16, Activation::Linear);
+    let expected = of_below(stock);
+    let scale = expected.iter().fold(1.0_f32, |most, value| most.max(value.abs()));
+    assert_close("below", &of_below(ours), &expected, 1e-5 * scale);
 }
 
 #[test]

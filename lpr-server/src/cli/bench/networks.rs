@@ -10,7 +10,7 @@ use lpr_core::config::Config;
 use lpr_core::nn::Backend;
 use lpr_core::path::JointPath;
 use lpr_core::policy::{Policy, PolicySample};
-use lpr_core::q_attention::{ActingNetwork, NextBestPose, QObservation, QSample};
+use lpr_core::q_attention::{ActingNetwork, NextBestPose, QObservation, QSample, UNet};
 use lpr_core::ranker::{RankedPath, Ranker, RankerContext, RankerSample, RankerTransition};
 use lpr_core::rng::{Stream, stream};
 use lpr_core::robot::XARM7;
@@ -31,7 +31,17 @@ pub(super) fn run() -> Result<Vec<Row>> {
     let mut rows = fast_network(&fast, env.clone())?;
     rows.push(update_fast(&fast, &env)?);
     rows.extend(path_networks(&env)?);
+    rows.extend(unet());
     Ok(rows)
+}
+
+/// A U-Net of plain layers, of which tests/peers/pytorch has the same.
+fn unet() -> [Row; 2] {
+    let rng = &mut stream(0, Stream::Init, 2);
+    let mut unet = UNet::new(Backend::Flex, rng);
+    let batch = (0..SCENES).map(|_| UNet::random_sample(rng)).collect::<Vec<_>>();
+    let train = measure("unet_train_b16", || unet.update(&batch));
+    [train, measure("unet_infer_b1", || unet.infer(&batch[0]))]
 }
 
 /// The network of the preset `fast` with all its heads, at one depth. An update is one gradient

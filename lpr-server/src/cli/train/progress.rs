@@ -214,19 +214,36 @@ pub(super) fn networks_line(agent: &Agent, updates_per_second: Option<f64>) -> S
     format!("networks: {}{rate}", costs.collect::<Vec<_>>().join("; "))
 }
 
-/// A warning of how long an update of Q-attention will take, where that is long: `forward_seconds` for a forward pass
-/// of one scene here.
-pub(super) fn slowness(batch: usize, forward_seconds: f64, minutes: f64) -> Option<String> {
+/// What Q-attention learns with.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Workload {
+    /// Scenes of an update.
+    pub(super) batch: usize,
+    pub(super) updates_per_step: usize,
+    /// Environment steps, if they were asked for.
+    pub(super) env_steps: Option<u64>,
+    pub(super) minutes: f64,
+}
+
+/// A warning of how long an update of Q-attention and the whole run will take, where that is long: `forward_seconds` for
+/// a forward pass of one scene here.
+pub(super) fn slowness(workload: Workload, forward_seconds: f64) -> Option<String> {
+    /// Environment steps that are told where none were asked for.
+    const STEPS: u64 = 1000;
     /// Passes of the batch in an update: online and target network on what came next, one pass with
     /// gradients, which costs three.
     const PASSES: f64 = 5.0;
     /// An update that takes less is not worth a warning, seconds.
     const SLOW: f64 = 1.0;
+    let Workload { batch, updates_per_step, env_steps, minutes } = workload;
     let update = PASSES * batch as f64 * forward_seconds;
+    let steps = env_steps.unwrap_or(STEPS);
+    let hours = update * (updates_per_step as u64 * steps) as f64 / 3600.0;
     (update > SLOW).then(|| {
         format!(
             "slow: an update of Q-attention will take about {update:.0} s here ({batch} scenes, estimated from a forward pass of \
-             {forward_seconds:.3} s), so that {minutes:.0} minutes hold about {:.0} updates",
+             {forward_seconds:.3} s), so that {minutes:.0} minutes hold about {:.0} updates, and all of {steps} environment steps would take \
+             about {hours:.1} hours",
             60.0 * minutes / update
         )
     })
@@ -248,9 +265,20 @@ mod tests {
 
     #[test]
     fn only_slow_networks_are_warned_of() {
-        assert_eq!(slowness(16, 0.001, 15.0), None);
-        let text = slowness(128, 0.1, 15.0).unwrap();
-        assert!(text.contains("about 64 s") && text.contains("about 14 updates"), "{text}");
+        let workload =
+            Workload { batch: 128, updates_per_step: 1, env_steps: Some(4500), minutes: 15.0 };
+        assert_eq!(slowness(Workload { batch: 16, ..workload }, 0.001), None);
+        let text = slowness(workload, 0.1).unwrap();
+        for part in
+            ["about 64 s", "about 14 updates", "all of 4500 environment steps", "80.0 hours"]
+        {
+            assert!(text.contains(part), "{text}");
+        }
+        let text = slowness(Workload { env_steps: None, ..workload }, 0.1).unwrap();
+        assert!(
+            text.contains("all of 1000 environment steps would take about 17.8 hours"),
+            "{text}"
+        );
     }
 
     #[test]

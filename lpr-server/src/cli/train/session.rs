@@ -4,7 +4,7 @@ mod evaluating;
 
 use super::demonstrations;
 use super::interruption::{Interruption, continuing_command};
-use super::progress::{Bar, Limits, Meter, Phase, networks_line, slowness};
+use super::progress::{Bar, Limits, Meter, Phase, Workload, networks_line, slowness};
 use super::setup::{config_toml, demonstrate, refuse_other_run};
 use super::{Arguments, Report, ValidationPoint};
 use crate::animation;
@@ -190,8 +190,14 @@ impl<'a> Session<'a> {
             start.elapsed().as_secs_f64()
         });
         let forward_seconds = forward_seconds.fold(f64::INFINITY, f64::min);
-        let batch = self.trainer.config().training.q_attention_batch;
-        if let Some(text) = slowness(batch, forward_seconds, self.arguments.minutes) {
+        let training = &self.trainer.config().training;
+        let workload = Workload {
+            batch: training.q_attention_batch,
+            updates_per_step: training.q_attention_updates_per_step,
+            env_steps: self.arguments.env_steps,
+            minutes: self.arguments.minutes,
+        };
+        if let Some(text) = slowness(workload, forward_seconds) {
             self.bar.say(&format!("preset {}: {text}", self.arguments.preset));
         }
     }

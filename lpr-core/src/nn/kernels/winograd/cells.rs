@@ -69,36 +69,47 @@ pub(super) fn read_tiles<S: Simd>(
     v: &mut [f32],
 ) {
     let n = Floats::<S>::LEN;
-    let channels = products.channels;
+    let channels = slab.layer.channels_in;
     for (tile, v) in slab.tiles.iter().zip(v.chunks_exact_mut(products.tile)) {
         let rows = &slab.layer.tiles.inputs[tile.tile];
-        // Along x for all channels, so that a row is looked up once.
-        let mut i = 0;
-        while i < PLANES {
-            let line = [
-                row_of(x, channels, tile.base, rows[i]),
-                row_of(x, channels, tile.base, rows[i + 1]),
-                row_of(x, channels, tile.base, rows[i + 2]),
-                row_of(x, channels, tile.base, rows[i + 3]),
-            ];
+        // Slice by slice along x and y in registers, so that a row is looked up once.
+        let mut slice = 0;
+        while slice < PLANES {
+            let near: [&[f32]; 16] =
+                core::array::from_fn(|i| row_of(x, channels, tile.base, rows[slice + i]));
             let mut first = 0;
             while first < channels {
                 let filled = n.min(channels - first);
-                let cells = inputs::<S>([
-                    load_from(simd, line[0], first, filled),
-                    load_from(simd, line[1], first, filled),
-                    load_from(simd, line[2], first, filled),
-                    load_from(simd, line[3], first, filled),
-                ]);
-                store_line::<S>(cells, &mut v[first..], i, 1, products.plane);
+                let mut cells = [splat(simd, 0.0); 16];
+                let mut i = 0;
+                while i < 16 {
+                    cells[i] = load_from(simd, near[i], first, filled);
+                    i += 1;
+                }
+                let mut i = 0;
+                while i < 16 {
+                    let line = inputs::<S>([cells[i], cells[i + 1], cells[i + 2], cells[i + 3]]);
+                    [cells[i], cells[i + 1], cells[i + 2], cells[i + 3]] = line;
+                    i += 4;
+                }
+                let mut i = 0;
+                while i < 4 {
+                    let line = inputs::<S>([cells[i], cells[i + 4], cells[i + 8], cells[i + 12]]);
+                    let mut k = 0;
+                    while k < 4 {
+                        let place = (slice + i + 4 * k) * products.plane + first;
+                        line[k].store_slice(&mut v[place..][..n]);
+                        k += 1;
+                    }
+                    i += 1;
+                }
                 first += n;
             }
-            i += 4;
+            slice += 16;
         }
         let mut first = 0;
         while first < channels {
             let cells = &mut v[first..];
-            along!(simd, cells, products.plane, inputs::<S>, 4);
             along!(simd, cells, products.plane, inputs::<S>, 16);
             first += n;
         }
@@ -115,40 +126,54 @@ pub(super) fn add_to_inputs<S: Simd>(
     dx: &mut [f32],
 ) {
     let n = Floats::<S>::LEN;
-    let channels = products.channels;
+    let channels = slab.layer.channels_in;
     for (tile, v) in slab.tiles.iter().zip(v.chunks_exact_mut(products.tile)) {
         let mut first = 0;
         while first < channels {
             let cells = &mut v[first..];
             along!(simd, cells, products.plane, input_gradients::<S>, 16);
-            along!(simd, cells, products.plane, input_gradients::<S>, 4);
-            along!(simd, cells, products.plane, input_gradients::<S>, 1);
             first += n;
         }
         let rows = &slab.layer.tiles.inputs[tile.tile];
-        let mut i = 0;
-        while i < PLANES {
-            if rows[i] != NOWHERE {
-                let begin = (tile.base + rows[i] as usize) * channels;
-                let row = &mut dx[begin..begin + channels];
-                let mut first = 0;
-                while first < channels {
-                    let filled = n.min(channels - first);
-                    let v = &v[i * products.plane + first..][..n];
-                    let cell = &mut row[first..first + filled];
-                    let sum = load_part(simd, cell) + Floats::<S>::from_slice(simd, v);
-                    store_part(simd, sum, cell);
-                    first += n;
+        let mut slice = 0;
+        while slice < PLANES {
+            let mut first = 0;
+            while first < channels {
+                let filled = n.min(channels - first);
+                let mut cells = [splat(simd, 0.0); 16];
+                let mut i = 0;
+                while i < 4 {
+                    let line = load_line(simd, &v[first..], slice + i, 4, products.plane);
+                    [cells[i], cells[i + 4], cells[i + 8], cells[i + 12]] =
+                        input_gradients::<S>(line);
+                    i += 1;
                 }
+                let mut i = 0;
+                while i < 16 {
+                    let line = [cells[i], cells[i + 1], cells[i + 2], cells[i + 3]];
+                    let line = input_gradients::<S>(line);
+                    let mut k = 0;
+                    while k < 4 {
+                        let row = rows[slice + i + k];
+                        if row != NOWHERE {
+                            let begin = (tile.base + row as usize) * channels + first;
+                            let cell = &mut dx[begin..begin + filled];
+                            store_part(simd, load_part(simd, cell) + line[k], cell);
+                        }
+                        k += 1;
+                    }
+                    i += 4;
+                }
+                first += n;
             }
-            i += 1;
+            slice += 16;
         }
     }
 }
 
 /// The channels of a row; nothing beyond the grid.
 #[inline(always)]
-fn row_of(x: &[f32], channels: usize, base: usize, row: u32) -> &[f32] {
+pub(super) fn row_of(x: &[f32], channels: usize, base: usize, row: u32) -> &[f32] {
     if row == NOWHERE {
         return &[];
     }
@@ -158,7 +183,7 @@ fn row_of(x: &[f32], channels: usize, base: usize, row: u32) -> &[f32] {
 
 /// A vector of channels of a row, zero beyond the grid.
 #[inline(always)]
-fn load_from<S: Simd>(simd: S, row: &[f32], first: usize, filled: usize) -> Floats<S> {
+pub(super) fn load_from<S: Simd>(simd: S, row: &[f32], first: usize, filled: usize) -> Floats<S> {
     if row.is_empty() { splat(simd, 0.0) } else { load_part(simd, &row[first..first + filled]) }
 }
 

@@ -1,6 +1,7 @@
 //! From weights to products and back: the map `G`.
 
 use super::super::matmul::{Panels, load_part, store_part, tile_width, transposed};
+use super::below::reads_below;
 use super::{Layer, PLANES, TAPS};
 use crate::lanes::{Floats, splat};
 
@@ -28,9 +29,14 @@ pub(super) struct TransformedWeights {
 }
 
 impl TransformedWeights {
-    /// From `[27, rows, columns]`.
+    /// From `[27, rows, columns]`; rows from `everywhere` on are those of blocks.
     #[inline(always)]
-    pub(super) fn new<S: Simd>(simd: S, weights: &[f32], [rows, columns]: [usize; 2]) -> Self {
+    pub(super) fn new<S: Simd>(
+        simd: S,
+        weights: &[f32],
+        [rows, columns]: [usize; 2],
+        everywhere: usize,
+    ) -> Self {
         let [n, width] = [Floats::<S>::LEN, tile_width::<S>()];
         let plane = rows * columns.next_multiple_of(width);
         let mut values = vec![0.0; PLANES * plane];
@@ -46,10 +52,14 @@ impl TransformedWeights {
                     tap += 1;
                 }
                 let products = transform_weights(simd, &taps);
-                let begin = (first / width * rows + row) * width + first % width;
                 let mut p = 0;
                 while p < PLANES {
-                    products[p].store_slice(&mut values[p * plane + begin..][..n]);
+                    let of_block = reads_below(p);
+                    if of_block || row < everywhere {
+                        let rows = if of_block { rows } else { everywhere };
+                        let begin = (first / width * rows + row) * width + first % width;
+                        products[p].store_slice(&mut values[p * plane + begin..][..n]);
+                    }
                     p += 1;
                 }
                 first += n;
@@ -66,7 +76,7 @@ impl TransformedWeights {
 
 /// `[27, channels out, channels in]`.
 pub(super) fn transposed_taps(weights: &[f32], layer: Layer<'_>) -> Vec<f32> {
-    let [rows, columns] = [layer.channels_in, layer.channels_out];
+    let [rows, columns] = [layer.channels(), layer.channels_out];
     let taps = weights.chunks_exact(rows * columns);
     taps.map(|tap| transposed(tap, rows, columns)).collect::<Vec<_>>().concat()
 }
@@ -102,7 +112,7 @@ fn transform_weights<S: Simd>(simd: S, taps: &[Floats<S>; TAPS]) -> [Floats<S>; 
 #[inline(always)]
 pub(super) fn weight_gradients<S: Simd>(simd: S, layer: Layer<'_>, du: &[f32]) -> Vec<f32> {
     let n = Floats::<S>::LEN;
-    let size = layer.channels_in * layer.channels_out;
+    let size = layer.channels() * layer.channels_out;
     let mut dw = vec![0.0; TAPS * size];
     let mut first = 0;
     while first < size {
