@@ -1,6 +1,11 @@
 //! A digest of everything in this crate that decides a result, so that results can say of which
 //! program they are: `lpr_core::SOURCE_DIGEST`.
 
+#![expect(
+    clippy::disallowed_methods,
+    reason = "the library has no files and no environment, its build does"
+)]
+
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 

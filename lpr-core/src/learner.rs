@@ -96,7 +96,7 @@ impl Learner {
     ///
     /// # Errors
     ///
-    /// [`Error::Config`](crate::Error::Config) when the settings cannot work.
+    /// [`Error::Config`] when the settings cannot work.
     pub fn new(settings: &ReplaySettings, seed: u64) -> Result<Self> {
         let uniform = ReplaySettings { priority_exponent: 0.0, ..settings.clone() };
         Ok(Self {

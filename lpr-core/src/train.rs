@@ -92,7 +92,7 @@ impl<E: Environment> Trainer<E> {
     ///
     /// # Errors
     ///
-    /// [`Error::Config`](crate::Error::Config) when settings cannot work.
+    /// [`Error::Config`] when settings cannot work.
     pub fn new(config: Config, run: Run, environment: E) -> Result<Self> {
         let robot = environment.robot();
         let init = Init { backend: run.backend, seed: run.seed };
@@ -142,7 +142,7 @@ impl<E: Environment> Trainer<E> {
     ///
     /// # Errors
     ///
-    /// [`Error::Diverged`](crate::Error::Diverged) when a network does not learn any more.
+    /// [`Error::Diverged`] when a network does not learn any more.
     pub fn update(&mut self) -> Result<Metrics> {
         let mut updates = Updates::default();
         updates.q_attention.extend(self.update_q_attention()?);
@@ -157,7 +157,7 @@ impl<E: Environment> Trainer<E> {
     /// # Errors
     ///
     /// When the scene of an episode cannot be built;
-    /// [`Error::Diverged`](crate::Error::Diverged) when a network does not learn any more.
+    /// [`Error::Diverged`] when a network does not learn any more.
     pub fn step(&mut self) -> Result<StepLog> {
         // Lines 4 and 5: for each iteration, for each environment step t.
         let mut episode = self.running_episode()?;
@@ -316,7 +316,7 @@ impl<E> Trainer<E> {
     }
 
     /// `error` of the agent, and for answers that are no numbers the update after which they are
-    /// none: [`Error::Diverged`](crate::Error::Diverged).
+    /// none: [`Error::Diverged`].
     #[must_use]
     pub fn explained(&self, error: Error) -> Error {
         self.learner.explained(error)

@@ -116,7 +116,7 @@ pub(super) fn ranking(ranker: &Ranker, env_steps: u64, sets: &[RankedSet]) -> Re
         regret: (decisive > 0).then(|| f64::from(missed as u32) / f64::from(decisive as u32)),
         accuracy: (pairs > 0.0).then(|| ordered / pairs),
         brier: (n > 0.0).then_some(brier),
-        brier_of_mean: (n > 0.0).then(|| mean * (1.0 - mean)),
+        brier_of_mean: (n > 0.0).then_some(mean * (1.0 - mean)),
         reliability: reliability(&at_the_end),
     })
 }
