@@ -2,7 +2,7 @@
 //! thread.
 
 use super::row::{self, Key, Row};
-use crate::cli::failure::{Failure, Result};
+use crate::cli::failure::Result;
 use crate::files::{self, FileError};
 use crate::run_directory;
 use serde_json::Value;
@@ -71,11 +71,11 @@ fn one(plan: &Plan) -> Result<Row> {
             // It was killed before its first checkpoint.
             std::fs::remove_dir_all(run).map_err(FileError::io("delete", run))?;
         }
-        child(&words, key, &log(run))?;
+        child(&words, &log(run))?;
     }
     let mut words = vec!["diagnose".to_owned(), run.display().to_string(), "--json".to_owned()];
     words.extend_from_slice(diagnose);
-    let text = child(&words, key, &log(run))?;
+    let text = child(&words, &log(run))?;
     let diagnosis: Value = serde_json::from_str(&text).map_err(io::Error::from)?;
     let training: Value = files::read_json(&summary)?;
     let done = Row { key: key.clone(), commit: commit(), training, diagnosis };
@@ -91,7 +91,7 @@ fn log(run: &Path) -> PathBuf {
 
 /// Runs this program with one thread; what it printed. Its standard input is a pipe, at whose end
 /// a training run ends too: it does not outlive this one.
-fn child(words: &[String], key: &Key, log: &Path) -> Result<String> {
+fn child(words: &[String], log: &Path) -> Result<String> {
     if let Some(parent) = log.parent() {
         std::fs::create_dir_all(parent).map_err(FileError::io("create", parent))?;
     }
@@ -110,13 +110,9 @@ fn child(words: &[String], key: &Key, log: &Path) -> Result<String> {
     if output.status.success() {
         return Ok(String::from_utf8_lossy(&output.stdout).into_owned());
     }
-    Err(Failure::Usage(format!(
-        "{}: `lpr {}` ended with {}: {}",
-        key.name(),
-        words.join(" "),
-        output.status,
-        last_line(log)
-    )))
+    let what = words.join(" ");
+    let reason = format!("`lpr {what}` ended with {}: {}", output.status, last_line(log));
+    Err(FileError::content(log, reason).into())
 }
 
 fn last_line(log: &Path) -> String {
