@@ -29,13 +29,10 @@ pub use reference::{Reference, references};
 use crate::agent::Agent;
 use crate::demo::DemoEpisode;
 use crate::error::Result;
-use crate::evaluate::wilson_interval;
+use crate::evaluate::wilson95;
 use crate::in_order::map_in_order;
 use poses::PoseCase;
 use serde::Serialize;
-
-/// The factor of the standard error that makes a 95 % interval.
-const Z_95: f64 = 1.959_964;
 
 /// How much is looked at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -126,7 +123,7 @@ pub fn diagnose(
     Ok(Diagnosis {
         scenes,
         successes,
-        wilson95: wilson_interval(successes as u64, scenes as u64, Z_95),
+        wilson95: wilson95(successes as u64, scenes as u64),
         findings: findings::findings(scenes, &failures, &poses, &rungs, &rankings, &labels),
         poses,
         labels,

@@ -77,7 +77,7 @@ impl Evaluation {
     /// The 95 % confidence interval of the success rate: see [`wilson_interval`].
     #[must_use]
     pub fn wilson95(&self) -> [f64; 2] {
-        wilson_interval(self.successes, self.episodes, Z_95)
+        wilson95(self.successes, self.episodes)
     }
 
     fn add(&mut self, episode: &EvaluatedEpisode) {
@@ -95,6 +95,11 @@ impl Evaluation {
             *self.chosen.entry(candidate.source).or_default() += 1;
         }
     }
+}
+
+/// [`wilson_interval`] of 95 %.
+pub(crate) fn wilson95(successes: u64, trials: u64) -> [f64; 2] {
+    wilson_interval(successes, trials, Z_95)
 }
 
 /// The score interval of a binomial proportion at `z` standard errors (Wilson 1927); 0 to 1 without

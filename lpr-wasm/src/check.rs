@@ -70,25 +70,7 @@ impl CandidatesBench {
     ///
     /// When the scene cannot be placed.
     pub fn new() -> Result<Self> {
-        /// As in the benchmark of native code.
-        const SCENE: u64 = 1000;
-        let config = Config::preset("fast")?;
-        let init = Init { backend: Backend::Flex, seed: 0 };
-        let networks = Networks::new(
-            config.network_settings(),
-            &XARM7,
-            Method::Lpr,
-            PoseSource::Oracle,
-            init,
-        )?;
-        let agent = Agent::new(config.agent_settings(), &XARM7, Method::Lpr, networks);
-        let mut environment = SimEnvironment::new(
-            &Task::by_name("toilet_seat_up")?,
-            &XARM7,
-            SCENE,
-            &["front"],
-            &config.simulator,
-        )?;
+        let (agent, mut environment) = untrained(PoseSource::Oracle)?;
         let goal = environment.plan().goals[0];
         Ok(Self { agent, observation: environment.observe(), goal })
     }
@@ -133,25 +115,8 @@ impl NetworksBench {
     ///
     /// When the scene cannot be placed.
     pub fn new() -> Result<Self> {
-        const SCENE: u64 = 1000;
         const PATHS: usize = 41;
-        let config = Config::preset("fast")?;
-        let init = Init { backend: Backend::Flex, seed: 0 };
-        let networks = Networks::new(
-            config.network_settings(),
-            &XARM7,
-            Method::Lpr,
-            PoseSource::Learned,
-            init,
-        )?;
-        let agent = Agent::new(config.agent_settings(), &XARM7, Method::Lpr, networks);
-        let mut environment = SimEnvironment::new(
-            &Task::by_name("toilet_seat_up")?,
-            &XARM7,
-            SCENE,
-            &["front"],
-            &config.simulator,
-        )?;
+        let (agent, mut environment) = untrained(PoseSource::Learned)?;
         let goal = environment.plan().goals[0];
         let nothing_seen = Error::Environment("an agent of learned poses sees".to_owned());
         let seen = agent.attended(&environment.observe()).ok_or(nothing_seen)?;
@@ -159,7 +124,7 @@ impl NetworksBench {
         let path = |idx: usize| {
             let turn = 0.3 * (idx + 1) as f32 / PATHS as f32;
             let ends = vec![XARM7.start, XARM7.start.map(|angle| angle + turn)];
-            let path = JointPath::new(ends)?.resample(config.candidates.path_len);
+            let path = JointPath::new(ends)?.resample(agent.candidate_settings().path_len);
             Ok(RankedPath { path, collides: false })
         };
         let paths = (0..PATHS).map(path).collect::<Result<_>>()?;
@@ -195,6 +160,18 @@ impl NetworksBench {
         self.updates += 1;
         attention.update(&[sample; SCENES], rng).losses.iter().sum()
     }
+}
+
+/// A fresh agent of the preset `fast`, and the toilet seat of the native benchmarks' scene.
+fn untrained(poses: PoseSource) -> Result<(Agent, SimEnvironment)> {
+    const SCENE: u64 = 1000;
+    let config = Config::preset("fast")?;
+    let init = Init { backend: Backend::Flex, seed: 0 };
+    let networks = Networks::new(config.network_settings(), &XARM7, Method::Lpr, poses, init)?;
+    let agent = Agent::new(config.agent_settings(), &XARM7, Method::Lpr, networks);
+    let task = Task::by_name("toilet_seat_up")?;
+    let environment = SimEnvironment::new(&task, &XARM7, SCENE, &["front"], &config.simulator)?;
+    Ok((agent, environment))
 }
 
 fn hash(world: &World) -> String {

@@ -5,7 +5,7 @@ use super::reference::{Reference, about_axis};
 use crate::agent::{Action, Agent, Draws, Eyes, Goal};
 use crate::env::{EPISODE_LENGTH, StepResult};
 use crate::error::Result;
-use crate::evaluate::{best_candidate, wilson_interval};
+use crate::evaluate::{best_candidate, wilson95};
 use crate::in_order::map_in_order;
 use crate::path::{CandidateStreams, JointPath, Source};
 use crate::q_attention::{NextBestPose, canonical_grasp, nearest_grasp};
@@ -14,9 +14,6 @@ use crate::sim::SimEnvironment;
 
 use rand::RngExt as _;
 use serde::Serialize;
-
-/// The factor of the standard error that makes a 95 % interval.
-const Z_95: f64 = 1.959_964;
 
 /// Source of the poses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, strum::IntoStaticStr)]
@@ -133,7 +130,7 @@ pub(super) fn ladder(agent: &Agent, references: &[Reference], n_best: usize) -> 
             let done = done.into_iter().collect::<Result<Vec<bool>>>()?;
             let (episodes, successes) =
                 (done.len() as u64, done.iter().filter(|done| **done).count() as u64);
-            let wilson95 = wilson_interval(successes, episodes, Z_95);
+            let wilson95 = wilson95(successes, episodes);
             rungs.push(Rung { poses, paths, episodes, successes, wilson95 });
         }
     }

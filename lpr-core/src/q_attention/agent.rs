@@ -172,7 +172,7 @@ impl QAttention {
     /// last depth also the best rotation bins and gripper command.
     #[must_use]
     pub fn act(&self, observation: &QObservation, weights: ActingNetwork) -> QDecision {
-        self.look(observation, weights, &[])
+        self.act_guided(observation, weights, &[])
     }
 
     /// [`Self::act`] when every depth but the first looks where the voxels of `guide` lead, one a
@@ -180,15 +180,6 @@ impl QAttention {
     /// depth's choice.
     #[must_use]
     pub fn act_guided(
-        &self,
-        observation: &QObservation,
-        weights: ActingNetwork,
-        guide: &[VoxelIndex],
-    ) -> QDecision {
-        self.look(observation, weights, guide)
-    }
-
-    fn look(
         &self,
         observation: &QObservation,
         weights: ActingNetwork,

@@ -4,7 +4,8 @@ mod page;
 mod report;
 mod subject;
 
-use super::failure::{Failure, Result};
+use super::arguments::{VALIDATION_SEEDS, seed_range};
+use super::failure::Result;
 use super::simulator::simulator;
 use crate::files;
 use clap::Args;
@@ -13,9 +14,6 @@ use lpr_core::diagnose::{DiagnosisSettings, Reference, Subject, diagnose, refere
 pub(super) use report::{Report, Scope};
 use std::path::PathBuf;
 use subject::Run;
-
-/// Scene seeds of validations, from which on scenes are looked at: tests keep theirs.
-const VALIDATION_SEEDS: u64 = 1000;
 
 /// Options of `lpr diagnose`.
 #[derive(Debug, Args)]
@@ -41,7 +39,7 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Report> {
-    let seeds = scene_seeds(arguments)?;
+    let seeds = seed_range(arguments.seed, arguments.scenes)?;
     if let Some(out) = &arguments.out {
         files::refuse_non_empty(out)?;
     }
@@ -77,14 +75,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<Report> {
         page::write(&report, out)?;
     }
     Ok(report)
-}
-
-fn scene_seeds(arguments: &Arguments) -> Result<Range<u64>> {
-    let Arguments { seed, scenes, .. } = arguments;
-    let end = seed.checked_add(*scenes);
-    let too_large =
-        || Failure::Usage(format!("--seed {seed}: leaves no {scenes} scene seeds below 2^64"));
-    Ok(*seed..end.ok_or_else(too_large)?)
 }
 
 fn refuse_no_scene(references: &[Reference], task: &str, seeds: &Range<u64>) -> Result<()> {

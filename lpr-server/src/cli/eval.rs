@@ -1,5 +1,6 @@
 //! `lpr eval`: greedy evaluation of a run, or of a method with the demonstrator's poses.
 
+use super::arguments::seed_range;
 use super::failure::{Failure, Result};
 use super::settings::load_config;
 use super::simulator::simulator;
@@ -7,7 +8,6 @@ use crate::files::FileError;
 use crate::run_directory;
 use clap::{Args, ValueEnum};
 use core::fmt;
-use core::ops::Range;
 use lpr_core::agent::{Agent, Init, Method, Networks, PoseSource};
 use lpr_core::config::Config;
 use lpr_core::evaluate::{
@@ -114,7 +114,7 @@ pub(super) fn evaluation_report(task: &str, method: &str, found: &Evaluation) ->
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<EvalReport> {
-    let seeds = scene_seeds(arguments)?;
+    let seeds = seed_range(arguments.seed, arguments.episodes)?;
     let Subject { agent, task, robot, cameras, config, method } = subject(arguments)?;
     let mut environment = simulator(&task, &robot, &cameras, &config)?;
     let best = method == BEST_OF_ALL;
@@ -133,14 +133,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<EvalReport> {
         report.regret = measure_regret(&agent, &mut environment, seeds)?.mean();
     }
     Ok(report)
-}
-
-fn scene_seeds(arguments: &Arguments) -> Result<Range<u64>> {
-    let Arguments { seed, episodes, .. } = arguments;
-    let end = seed.checked_add(*episodes);
-    let too_large =
-        || Failure::Usage(format!("--seed {seed}: leaves no {episodes} scene seeds below 2^64"));
-    Ok(*seed..end.ok_or_else(too_large)?)
 }
 
 /// The agent that is evaluated, and its world.

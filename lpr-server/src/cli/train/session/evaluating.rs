@@ -1,6 +1,7 @@
 //! Validations of a run, and its final evaluation.
 
 use super::{Session, ValidationPoint};
+use crate::cli::arguments::VALIDATION_SEEDS;
 use crate::cli::failure::Result;
 use crate::cli::train::demonstrations;
 use crate::cli::train::progress::Phase;
@@ -11,8 +12,6 @@ use lpr_core::diagnose::{Diagnosis, DiagnosisSettings, Subject, diagnose, refere
 use lpr_core::evaluate::{Evaluation, evaluate, measure_regret};
 use lpr_core::train::Metrics;
 
-/// Scene seeds that stopping and tuning look at.
-pub(super) const VALIDATION_SEEDS: u64 = 1000;
 /// Scene seeds that validations take their scenes from, each other ones.
 const N_VALIDATION_SEEDS: u64 = 1000;
 /// Scenes of a validation in which every candidate is executed.
