@@ -94,7 +94,7 @@ fn demonstration(seed: u64) -> Option<DemoEpisode> {
     let start = PANDA.grip(&PANDA.start);
     let middle = 0.5 * (start.translation + goal.pose.translation) + 3.0 * HURDLE * Vec3::Z;
     let path = BezierCurve::new(&start, middle, &goal.pose).to_joints(&PANDA, &PANDA.start).ok()?;
-    Some(DemoEpisode { steps: vec![DemoStep { observation, goal, path }] })
+    Some(DemoEpisode { start: 0, steps: vec![DemoStep { observation, goal, path }] })
 }
 
 /// The preset `fast` with smaller networks and fewer candidates.

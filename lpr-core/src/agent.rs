@@ -40,11 +40,8 @@ use crate::ranker::{RankedPath, RankerContext};
 use crate::rng::{Stream, stream};
 use crate::robot::Robot;
 use crate::scene::{ArmSpheres, Held, MotionChecker, Scene, observed_obstacles};
-use exploration::uniform;
+use exploration::{mean, uniform};
 use std::sync::Arc;
-
-/// A closed gripper whose pads are farther apart than this holds something, metres.
-const HELD_WIDTH: f32 = 0.002;
 
 /// The agent of Algorithm 1: networks, and the settings of everything around them.
 #[derive(Debug)]
@@ -149,9 +146,9 @@ impl Agent {
             }
         };
         // Line 12: ξ* ← argmax Q^R(Ξ).
-        let values = self.values(&set, proprio, *pose)?;
-        let chosen = self.choose(&set, values.as_deref(), draws);
-        Ok(Action::new(goal, set, values, chosen))
+        let by_critic = self.values(&set, proprio, *pose)?;
+        let chosen = self.choose(&set, by_critic.as_deref(), draws);
+        Ok(Action::new(goal, set, by_critic.as_deref().map(mean), chosen))
     }
 
     /// Line 13: runs the chosen path in `environment`.
@@ -235,7 +232,7 @@ impl Agent {
     /// the start or at `goal` do not block the hand.
     #[must_use]
     pub fn obstacles(&self, observation: &Observation, goal: &NextBestPose) -> Scene {
-        let holding = if is_holding(&observation.proprio) { Held::Object } else { Held::Nothing };
+        let holding = if observation.proprio.holds() { Held::Object } else { Held::Nothing };
         observed_obstacles(&self.robot, observation, Some(&goal.pose), holding)
     }
 
@@ -258,20 +255,21 @@ impl Agent {
         policy.path(start, &goal_config, goal, self.candidate_settings().path_len).map(Some)
     }
 
-    /// Line 12: value of every candidate; none without a ranker.
+    /// Line 12: value of every candidate by each critic; none without a ranker.
     fn values(
         &self,
         set: &CandidateSet,
         proprio: &Proprio,
         goal: NextBestPose,
-    ) -> Result<Option<Vec<f32>>> {
+    ) -> Result<Option<Vec<Vec<f32>>>> {
         let Some(ranker) = &self.networks.ranker else { return Ok(None) };
         let paths = set.candidates.iter().map(|candidate| RankedPath {
             path: candidate.path.clone(),
             collides: candidate.collides,
         });
-        let values = ranker.values(&context(proprio, goal), &paths.collect::<Vec<_>>())?;
-        match values.iter().find(|value| !value.is_finite()) {
+        let values =
+            ranker.values_by_critic(&context(proprio, goal), &paths.collect::<Vec<_>>())?;
+        match values.iter().flatten().find(|value| !value.is_finite()) {
             Some(value) => {
                 Err(Error::NotFinite { network: "ranker", found: format!("value {value}") })
             }
@@ -280,9 +278,14 @@ impl Agent {
     }
 
     /// Line 12: index of the candidate to run; none when there is no candidate.
-    fn choose(&self, set: &CandidateSet, values: Option<&[f32]>, draws: Draws) -> Option<usize> {
+    fn choose(
+        &self,
+        set: &CandidateSet,
+        by_critic: Option<&[Vec<f32>]>,
+        draws: Draws,
+    ) -> Option<usize> {
         let rng = &mut stream(draws.streams.seed, Stream::Explore, draws.streams.step);
-        match (self.method, values) {
+        match (self.method, by_critic) {
             (Method::Random, _) => uniform(set.candidates.len(), rng),
             (Method::ShortestFree, _) => {
                 let best = set.shortest_free();
@@ -290,7 +293,7 @@ impl Agent {
                     set.candidates.iter().position(|candidate| core::ptr::eq(candidate, best))
                 })
             }
-            (_, Some(values)) => draws.exploration.choose(values, rng),
+            (_, Some(by_critic)) => draws.exploration.choose(by_critic, rng),
             // C2F-ARM and the straight line: at most one candidate.
             (_, None) => (!set.candidates.is_empty()).then_some(0),
         }
@@ -338,11 +341,6 @@ impl Agent {
 /// The situation of paths to `goal`.
 pub(crate) fn context(proprio: &Proprio, goal: NextBestPose) -> RankerContext {
     RankerContext { goal, gripper_open: proprio.gripper_open, time: proprio.time }
-}
-
-/// True if the gripper closed on something.
-fn is_holding(proprio: &Proprio) -> bool {
-    proprio.gripper_open < 0.5 && proprio.gripper_width > HELD_WIDTH
 }
 
 /// The set of a method with one candidate.

@@ -44,15 +44,32 @@ pub struct DemoSettings {
     pub stop_cooldown: usize,
     /// Every how many frames a chain of transitions starts (released: 10).
     pub start_interval: usize,
+    /// Starts from which ranker and policy learn; Q-attention learns from all.
+    #[serde(default)]
+    pub path_starts: PathStarts,
     /// Fewest frames between a start and its first keyframe (released LPR: the length of a path,
     /// 10; C2F-ARM: 1).
     pub min_start_distance: usize,
+}
+
+/// Chains of a demonstration that ranker and policy learn from.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PathStarts {
+    /// All, as in the released LPR: a later motion is stored once a chain, and the first one also
+    /// as ever shorter remainders of itself.
+    #[default]
+    Every,
+    /// The whole demonstration only: each motion once.
+    First,
 }
 
 /// A demonstration from one of its frames on, as a chain of keyframes; demo augmentation makes
 /// several of one recording.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DemoEpisode {
+    /// Frame of the recording at which it starts: 0 for the whole demonstration.
+    pub start: usize,
     /// The keyframes that are reached one after the other; the last ends in success.
     pub steps: Vec<DemoStep>,
 }
@@ -91,7 +108,7 @@ pub struct DemoTransition {
 /// last one is dropped.
 ///
 /// ```
-/// use lpr_core::demo::{DemoFrame, DemoSettings, augment_demo, discover_keyframes};
+/// use lpr_core::demo::{DemoFrame, DemoSettings, PathStarts, augment_demo, discover_keyframes};
 /// use lpr_core::robot::PANDA;
 ///
 /// // Twenty frames of a moving arm, whose gripper closes in the twelfth.
@@ -103,7 +120,7 @@ pub struct DemoTransition {
 ///     grip: PANDA.grip(&PANDA.start),
 /// };
 /// let frames: Vec<DemoFrame> = (0..20).map(frame).collect();
-/// let settings = DemoSettings { stopped_speed: 0.1, stop_cooldown: 4, start_interval: 10, min_start_distance: 1 };
+/// let settings = DemoSettings { stopped_speed: 0.1, stop_cooldown: 4, start_interval: 10, path_starts: PathStarts::Every, min_start_distance: 1 };
 /// assert_eq!(discover_keyframes(&frames, &settings), [12, 19]);
 ///
 /// let transitions = augment_demo(&frames, &settings);
@@ -191,6 +208,7 @@ mod tests {
         stopped_speed: 0.1,
         stop_cooldown: 4,
         start_interval: 10,
+        path_starts: PathStarts::Every,
         min_start_distance: 1,
     };
 

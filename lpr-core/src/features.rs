@@ -3,10 +3,11 @@
 #[cfg(test)]
 pub(crate) mod golden;
 
+use crate::perception::rotation_columns;
 use crate::q_attention::NextBestPose;
 use crate::robot::{DOF, Gripper, Joint, JointConfig, Robot};
 
-use glamx::{Mat3, Pose3};
+use glamx::Pose3;
 
 /// Numbers of a pose: position (3), first two columns of the rotation matrix (6).
 pub(crate) const POSE_FEATURES: usize = 9;
@@ -38,12 +39,10 @@ fn of_joints(robot: &Robot, f: impl Fn(&Joint) -> f32) -> [f32; DOF] {
     core::array::from_fn(|j| f(&robot.joints[j]))
 }
 
-/// Position in metres and orientation as two columns of its matrix: continuous, unlike quaternions
-/// and Euler angles (Zhou et al. 2019).
+/// Position in metres, and [`rotation_columns`].
 pub(crate) fn pose_features(pose: &Pose3) -> [f32; POSE_FEATURES] {
     let [x, y, z] = pose.translation.to_array();
-    let rotation = Mat3::from_quat(pose.rotation);
-    let ([a, b, c], [d, e, f]) = (rotation.x_axis.to_array(), rotation.y_axis.to_array());
+    let [a, b, c, d, e, f] = rotation_columns(pose.rotation);
     [x, y, z, a, b, c, d, e, f]
 }
 

@@ -5,6 +5,7 @@ mod action;
 mod agent;
 #[cfg(feature = "learn")]
 mod batch;
+mod grasp;
 #[cfg(feature = "learn")]
 mod loss;
 #[cfg(feature = "learn")]
@@ -13,15 +14,14 @@ mod next_best_pose;
 mod observation;
 mod settings;
 
-pub use action::{
-    ActionCodec, DiscreteAction, RotationCodec, canonical, canonical_grasp, nearest_grasp,
-};
+pub use action::{ActionCodec, DiscreteAction, RotationCodec, canonical};
 #[cfg(feature = "learn")]
 pub use agent::{
     ActingNetwork, DepthDecision, DepthState, QAttention, QAttentionState, QDecision, UpdateReport,
 };
 #[cfg(feature = "learn")]
 pub use batch::{AugmentedLabel, QSample};
+pub use grasp::{HalfTurn, Hand, canonical_grasp, half_turned};
 #[cfg(feature = "learn")]
 pub use network::{Heads, NetworkCost, NetworkInput, PoseValues, QNetwork, QValues, UNet};
 pub use next_best_pose::NextBestPose;

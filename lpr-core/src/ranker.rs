@@ -16,6 +16,8 @@
 //!   demonstrations need.
 //! - Joint angles are scaled so that the limits are ±1; the paper does not say how they enter.
 //! - The paper calls the network "the path policy" where it describes it; it is the ranker's.
+//! - [`Objective::Outcome`] reads values as probabilities and fits them to what came of the episode:
+//!   nothing bootstraps, and no value leaves 0 to 1.
 //! - Optimiser, discount and target mix are not in the paper; presets take the released code's. Its
 //!   twin networks ([`Critics::Twin`]) and clipped targets ([`TargetRange::UnitInterval`]) are
 //!   settings.
@@ -30,13 +32,14 @@ use crate::nn::{Adam, AdamSettings, AdamState, Backend, NamedTensor, ParameterGr
 use crate::nn::{export, import, in_halves, mix, parameter_gradients, sum_of_gradients};
 use crate::nn::{tensor, values};
 use crate::path::JointPath;
-use crate::q_attention::{NetworkCost, NextBestPose};
+use crate::q_attention::{ActingNetwork, NetworkCost, NextBestPose};
 use crate::rng::Rng;
 use crate::robot::Robot;
 use network::{Encoding, RankerNetwork, common_path_len};
 use std::sync::Arc;
 
 use burn::module::Module as _;
+use burn::tensor::activation::relu;
 use burn::tensor::{Device, Tensor};
 use serde::{Deserialize, Serialize};
 
@@ -51,6 +54,20 @@ pub enum RankerInput {
     /// [`Self::Context`], and for every configuration where the grip is, seen from the next-best
     /// pose.
     Grip,
+    /// [`Self::Grip`], and for every configuration its place on the path and how far off the
+    /// straight line between the ends it is; for the head the lengths of the path.
+    Chord,
+}
+
+/// Meaning of a value, and what it is fitted to.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Objective {
+    /// Discounted reward: `r + γ Q'(ξ_{t+1})`, by squared error, as in the paper.
+    #[default]
+    TemporalDifference,
+    /// Probability that the episode succeeds: what came of it, by cross-entropy.
+    Outcome,
 }
 
 /// Number of value networks that are trained.
@@ -83,8 +100,14 @@ pub struct RankerSettings {
     pub config_widths: Vec<usize>,
     /// Output sizes of the layers after pooling, without the last (1): 512, 512 in the paper.
     pub head_widths: Vec<usize>,
+    /// Meaning of the values.
+    #[serde(default)]
+    pub objective: Objective,
     /// Number of value networks.
     pub critics: Critics,
+    /// Weights that rank: the paper's are those that gradients change.
+    #[serde(default = "online")]
+    pub acting_weights: ActingNetwork,
     /// Range of the targets.
     pub target_range: TargetRange,
     /// Weight of the next path's value: `γ` in the paper.
@@ -93,6 +116,11 @@ pub struct RankerSettings {
     pub target_mix: f32,
     /// Optimiser.
     pub adam: AdamSettings,
+}
+
+/// The weights that rank where nothing else is said.
+const fn online() -> ActingNetwork {
+    ActingNetwork::Online
 }
 
 /// A path as the ranker sees it.
@@ -133,6 +161,8 @@ pub struct RankerTransition<'a> {
     pub reward: f32,
     /// The path that was taken next (`ξ_{t+1}`); none when the episode terminated.
     pub next: Option<RankerSample<'a>>,
+    /// 1 if the episode ended in success, else 0.
+    pub outcome: f32,
     /// Importance weight from prioritised replay; 1 for uniform sampling.
     pub weight: f32,
 }
@@ -199,12 +229,29 @@ impl Ranker {
     ///
     /// [`Error::Shape`] when the paths differ in length.
     pub fn values(&self, context: &RankerContext, paths: &[RankedPath]) -> Result<Vec<f32>> {
+        let per_critic = self.values_by_critic(context, paths)?;
+        Ok((0..paths.len()).map(|idx| mean(&per_critic, idx)).collect())
+    }
+
+    /// The value of each path by each value network: [`Self::values`] are their means.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::values`].
+    pub fn values_by_critic(
+        &self,
+        context: &RankerContext,
+        paths: &[RankedPath],
+    ) -> Result<Vec<Vec<f32>>> {
         let samples: Vec<_> = paths.iter().map(|path| RankerSample { context, path }).collect();
         if samples.is_empty() {
-            return Ok(Vec::new());
+            return Ok(vec![Vec::new(); self.online.critics.len()]);
         }
-        let per_critic = self.online.forward(&self.encoding.encode(&samples, &self.device)?);
-        Ok((0..paths.len()).map(|idx| mean(&per_critic, idx)).collect())
+        let network = match self.settings.acting_weights {
+            ActingNetwork::Online => &self.online,
+            ActingNetwork::Target => &self.target,
+        };
+        Ok(self.read(network.forward(&self.encoding.encode(&samples, &self.device)?)))
     }
 
     /// Parameters, and operations of one forward pass of a path of `path_len` configurations.
@@ -251,8 +298,8 @@ impl Ranker {
         let input = self.encoding.encode(&taken, &device)?;
         let value_tensors: Vec<_> =
             leaves.critics.iter().map(|critic| critic.forward(&input)).collect();
-        let per_critic: Vec<_> =
-            value_tensors.iter().map(|value| values(value.clone().inner())).collect();
+        let outputs = value_tensors.iter().map(|value| values(value.clone().inner())).collect();
+        let per_critic = self.read(outputs);
 
         let n = transitions.len();
         let weight =
@@ -261,7 +308,13 @@ impl Ranker {
         let target = tensor(transitions.iter().map(|(_, target)| **target).collect(), [n], &device);
         let loss = value_tensors
             .into_iter()
-            .map(|value| ((target.clone() - value).square() * weight.clone()).sum())
+            .map(|value| {
+                let losses = match self.settings.objective {
+                    Objective::TemporalDifference => (target.clone() - value).square(),
+                    Objective::Outcome => cross_entropy(value, target.clone()),
+                };
+                (losses * weight.clone()).sum()
+            })
             .reduce(Tensor::add)
             .expect("a ranker has at least one critic");
         let gradients = parameter_gradients(&leaves, loss.backward());
@@ -269,8 +322,22 @@ impl Ranker {
         Ok(Half { loss: loss.into_scalar(), values, gradients })
     }
 
-    /// `r + γ Q'(ξ_{t+1})`, or `r` where nothing follows.
+    /// What the outputs of the networks mean, a critic each.
+    fn read(&self, outputs: Vec<Vec<f32>>) -> Vec<Vec<f32>> {
+        match self.settings.objective {
+            Objective::TemporalDifference => outputs,
+            Objective::Outcome => outputs
+                .into_iter()
+                .map(|logits| logits.into_iter().map(sigmoid).collect())
+                .collect(),
+        }
+    }
+
+    /// `r + γ Q'(ξ_{t+1})`, or `r` where nothing follows; what came of the episode.
     fn targets(&self, batch: &[RankerTransition<'_>]) -> Result<Vec<f32>> {
+        if self.settings.objective == Objective::Outcome {
+            return Ok(batch.iter().map(|transition| transition.outcome).collect());
+        }
         let next: Vec<_> = batch.iter().filter_map(|transition| transition.next).collect();
         if !next.is_empty() {
             common_path_len(&next)?;
@@ -345,6 +412,16 @@ fn check(settings: &RankerSettings) -> Result<()> {
         }
     }
     Ok(())
+}
+
+fn sigmoid(logit: f32) -> f32 {
+    1.0 / (1.0 + libm::expf(-logit))
+}
+
+/// `-y log p - (1 - y) log(1 - p)` of `p = sigmoid(z)`, which is `max(z, 0) - y z + log(1 + e^-|z|)`.
+fn cross_entropy(logits: Tensor<1>, outcomes: Tensor<1>) -> Tensor<1> {
+    let tail = logits.clone().abs().neg().exp().log1p();
+    relu(logits.clone()) - outcomes * logits + tail
 }
 
 /// Mean over critics of the value of path `idx`.

@@ -252,7 +252,7 @@ mod demonstrations {
                 self.step(&path, goal.gripper);
                 steps.push(DemoStep { observation, goal, path });
             }
-            Ok(DemoEpisode { steps })
+            Ok(DemoEpisode { start: 0, steps })
         }
     }
 }

@@ -120,7 +120,8 @@ impl<E: Environment> Trainer<E> {
     ///
     /// When the demonstration has no steps.
     pub fn add_demonstration(&mut self, demo: &DemoEpisode) -> Result<()> {
-        episode::add_demonstration(demo, &self.agent, &mut self.learner)
+        let starts = self.config.demos.path_starts;
+        episode::add_demonstration(demo, starts, &self.agent, &mut self.learner)
     }
 
     /// Updates on the demonstrations alone that are still to be made before the first environment

@@ -14,6 +14,7 @@ use lpr_core::diagnose::{
 };
 use lpr_core::evaluate::evaluate;
 use lpr_core::nn::{Backend, NamedTensor};
+use lpr_core::q_attention::HalfTurn;
 use lpr_core::robot::XARM7;
 use lpr_core::sim::SimEnvironment;
 use lpr_core::sim::recording::record_demo;
@@ -211,12 +212,13 @@ fn one(seed: u64) -> Range<u64> {
     seed..seed + 1
 }
 
-#[test]
-fn the_labels_of_wine_are_named_as_half_a_turn_apart() {
+/// True if an agent that follows `rule` is told that demonstrations of wine teach both grasps.
+fn labels_of_wine_differ_by_half_a_turn(rule: HalfTurn) -> bool {
     const WINE: &str = "stack_wine";
     let demos = demonstrations(WINE, 3);
     let mut config = Config::preset("fast").unwrap();
     config.training.demonstrations = 3;
+    config.q_attention.half_turn = rule;
     let run = Run {
         task: WINE.to_owned(),
         method: Method::C2fArm,
@@ -230,8 +232,13 @@ fn the_labels_of_wine_are_named_as_half_a_turn_apart() {
     let scenes = references(&environment(WINE), SCENES.start..SCENES.start + 1).unwrap();
     let subject = Subject { agent, demonstrations: &demos, snapshots: &[], seed: 0 };
     let found = diagnose(&subject, &scenes, QUICK).unwrap();
-    let named = found.findings.iter().find(|finding| finding.text.contains("half a turn"));
-    assert!(named.is_some(), "{:?}", found.labels);
+    found.findings.iter().any(|finding| finding.text.contains("half a turn"))
+}
+
+#[test]
+fn the_labels_of_wine_are_named_as_half_a_turn_apart_unless_the_rule_mends_it() {
+    assert!(labels_of_wine_differ_by_half_a_turn(HalfTurn::Nearest));
+    assert!(!labels_of_wine_differ_by_half_a_turn(HalfTurn::Relative));
 }
 
 #[test]

@@ -9,6 +9,7 @@ mod diagnose;
 mod docs;
 mod evaluation;
 mod events;
+mod half_turn;
 mod imports;
 mod interrupted;
 mod longer_arms;

@@ -32,6 +32,16 @@ pub enum Exploration {
         /// Environment steps over which it falls.
         steps: u64,
     },
+    /// As [`Self::Epsilon`], and where nothing is drawn, one of the value networks, drawn, chooses:
+    /// paths about which they disagree are tried (Osband et al. 2016).
+    Critics {
+        /// Probability of a uniform draw at the first environment step.
+        first: f32,
+        /// The same from `steps` on.
+        last: f32,
+        /// Environment steps over which it falls.
+        steps: u64,
+    },
     /// A candidate drawn with probability in proportion to `exp(value / temperature)`.
     Softmax {
         /// Difference of values that makes a factor of e.
@@ -48,7 +58,7 @@ impl Exploration {
     pub fn check(self) -> Result<()> {
         match self {
             Self::Greedy => Ok(()),
-            Self::Epsilon { first, last, .. } => {
+            Self::Epsilon { first, last, .. } | Self::Critics { first, last, .. } => {
                 [("first", first), ("last", last)].into_iter().try_for_each(|(name, p)| {
                     let name = format!("exploration.{name}");
                     setting((0.0..=1.0).contains(&p), &name, "a probability, 0 to 1", p)
@@ -63,15 +73,34 @@ impl Exploration {
     /// The same at environment step `step` of the run: a probability that does not change any more.
     #[must_use]
     pub fn at(self, step: u64) -> Self {
-        let Self::Epsilon { first, last, steps } = self else { return self };
-        let fraction = if step >= steps { 1.0 } else { step as f32 / steps as f32 };
-        let now = first + (last - first) * fraction;
-        Self::Epsilon { first: now, last: now, steps: 0 }
+        let now = |first: f32, last: f32, steps: u64| {
+            let fraction = if step >= steps { 1.0 } else { step as f32 / steps as f32 };
+            first + (last - first) * fraction
+        };
+        match self {
+            Self::Epsilon { first, last, steps } => {
+                let now = now(first, last, steps);
+                Self::Epsilon { first: now, last: now, steps: 0 }
+            }
+            Self::Critics { first, last, steps } => {
+                let now = now(first, last, steps);
+                Self::Critics { first: now, last: now, steps: 0 }
+            }
+            Self::Greedy | Self::Softmax { .. } => self,
+        }
     }
 
-    /// Index of the path to run; the first of those with the highest value when greedy.
-    pub(super) fn choose(self, values: &[f32], rng: &mut Rng) -> Option<usize> {
+    /// Index of the path to run by the values of each critic; the first of those with the highest
+    /// mean when greedy.
+    pub(super) fn choose(self, by_critic: &[Vec<f32>], rng: &mut Rng) -> Option<usize> {
+        let values = &mean(by_critic);
         match self {
+            Self::Critics { last, .. } => {
+                if rng.random::<f32>() < last {
+                    return uniform(values.len(), rng);
+                }
+                argmax(&by_critic[rng.random_range(0..by_critic.len())])
+            }
             Self::Epsilon { last, .. } if rng.random::<f32>() < last => uniform(values.len(), rng),
             Self::Greedy | Self::Epsilon { .. } => argmax(values),
             Self::Softmax { temperature } => {
@@ -87,6 +116,15 @@ impl Exploration {
             }
         }
     }
+}
+
+/// Mean over the critics of the value of each path.
+pub(super) fn mean(by_critic: &[Vec<f32>]) -> Vec<f32> {
+    let n_paths = by_critic.first().map_or(0, Vec::len);
+    let mean = |idx: usize| {
+        by_critic.iter().map(|values| values[idx]).sum::<f32>() / by_critic.len() as f32
+    };
+    (0..n_paths).map(mean).collect()
 }
 
 /// Index of the first of the highest values.

@@ -8,9 +8,11 @@ use crate::error::Result;
 use crate::evaluate::{best_candidate, wilson95};
 use crate::in_order::map_in_order;
 use crate::path::{CandidateStreams, JointPath, Source};
-use crate::q_attention::{NextBestPose, canonical_grasp, nearest_grasp};
+use crate::perception::Proprio;
+use crate::q_attention::{NextBestPose, QAttention};
 use crate::rng::{Stream, stream};
 use crate::sim::SimEnvironment;
+use crate::sim::feasibility::KeyframeSnapshot;
 
 use rand::RngExt as _;
 use serde::Serialize;
@@ -196,25 +198,29 @@ fn goal(
     if poses == Poses::Learned {
         return Some(agent.attend(observation, Eyes::Open));
     }
-    let truth = reference.keyframes.get(step)?.goal;
-    let grip = observation.proprio.grip.rotation;
-    Some(Goal::given(observation, expressed(agent, poses, truth, grip)))
+    let keyframe = reference.keyframes.get(step)?;
+    let pose = match &agent.networks.q_attention {
+        Some(attention) => expressed(attention, poses, keyframe, &observation.proprio),
+        None => keyframe.goal,
+    };
+    Some(Goal::given(observation, pose))
 }
 
-/// The demonstrator's pose as far as the action code can express it. A pose out of its bounds stays
-/// as it is.
-fn expressed(agent: &Agent, poses: Poses, truth: NextBestPose, grip: glamx::Quat) -> NextBestPose {
-    let quantised = |goal: NextBestPose| {
-        let attention = agent.networks.q_attention.as_ref()?;
-        attention.codec().quantise(&goal)
-    };
+/// The demonstrator's pose as far as the action code can express it, for a hand as `proprio` says. A
+/// pose out of its bounds stays as it is.
+fn expressed(
+    attention: &QAttention,
+    poses: Poses,
+    keyframe: &KeyframeSnapshot,
+    proprio: &Proprio,
+) -> NextBestPose {
+    let quantised = |goal| attention.codec().quantise(&goal).unwrap_or(goal);
     match poses {
-        Poses::True | Poses::Learned => truth,
-        Poses::Quantised => quantised(truth).unwrap_or(truth),
+        Poses::True | Poses::Learned => keyframe.goal,
+        Poses::Quantised => quantised(keyframe.goal),
         Poses::QuantisedAsActing => {
-            let label = NextBestPose { pose: canonical_grasp(truth.pose), ..truth };
-            let near = quantised(label).unwrap_or(label);
-            NextBestPose { pose: nearest_grasp(near.pose, grip), ..near }
+            let label = attention.label(keyframe.goal, &keyframe.env.proprio());
+            attention.acted(quantised(label), proprio)
         }
     }
 }

@@ -4,11 +4,13 @@
 
 use super::camera::Camera;
 use crate::robot::JointConfig;
-use glamx::{Pose3, Quat, Vec3};
+use glamx::{Mat3, Pose3, Quat, Vec3};
 
 /// Length of [`Proprio::low_dim`].
 pub const LOW_DIM: usize = 11;
 
+/// A closed gripper whose pads are farther apart than this holds something, metres.
+const HELD_WIDTH: f32 = 0.002;
 /// Opening above which the gripper counts as open, as a fraction of its full width (`RLBench`).
 const OPEN_FRACTION: f32 = 0.9;
 /// Limit to which finger positions are clipped in [`Proprio::low_dim`], metres (`RLBench`; the
@@ -110,6 +112,12 @@ impl Proprio {
         f32::from(u8::from(gripper_width > OPEN_FRACTION * max_width))
     }
 
+    /// True if the gripper closed on something.
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        self.gripper_open < 0.5 && self.gripper_width > HELD_WIDTH
+    }
+
     /// The network's input: gripper open (1), grip position (3) and quaternion xyzw (4), finger
     /// positions (2), time (1).
     ///
@@ -162,6 +170,15 @@ impl Observation {
     pub fn colored_points(&self) -> impl Iterator<Item = (Vec3, [u8; 3])> + '_ {
         self.views.iter().flat_map(View::colored_points)
     }
+}
+
+/// Orientation as the first two columns of its matrix: continuous, unlike quaternions and Euler
+/// angles (Zhou et al. 2019).
+#[must_use]
+pub(crate) fn rotation_columns(rotation: Quat) -> [f32; 6] {
+    let rotation = Mat3::from_quat(rotation);
+    let ([a, b, c], [d, e, f]) = (rotation.x_axis.to_array(), rotation.y_axis.to_array());
+    [a, b, c, d, e, f]
 }
 
 /// The same orientation with the sign that makes x positive.

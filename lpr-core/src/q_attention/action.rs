@@ -11,11 +11,6 @@
 //! label; near that pitch, labels of neighbouring orientations can still be far apart, though each
 //! decodes to the right orientation. A grip that points down or along the table with its x axis
 //! level is far from it.
-//!
-//! # Symmetry
-//!
-//! Turning a two-finger gripper by 180° about its approach changes nothing. [`canonical_grasp`]
-//! picks one of the two, so that equal grasps have equal labels.
 
 use super::next_best_pose::NextBestPose;
 use super::settings::QAttentionSettings;
@@ -197,44 +192,6 @@ pub fn canonical(rotation: Quat) -> Quat {
     if rotation.w < 0.0 { -rotation } else { rotation }
 }
 
-/// Orientation that [`canonical_grasp`] stays near: pointing down, turned by 20° about the
-/// vertical, as a quaternion xyzw.
-///
-/// Pointing down is how both arms start; 20° keep the place where the choice flips, 90° away from
-/// it, off the level and upright orientations that tasks are made of.
-const REFERENCE_GRASP: Quat = Quat::from_xyzw(0.984_807_7, 0.173_648_18, 0.0, 0.0);
-
-/// Of the two grip poses that grasp the same, 180° about the approach apart, the one nearer to the
-/// start orientation.
-///
-/// ```
-/// use lpr_core::glamx::{Pose3, Quat};
-/// use lpr_core::q_attention::canonical_grasp;
-///
-/// let down = Pose3::from_rotation(Quat::from_rotation_x(core::f32::consts::PI));
-/// let turned = down * Pose3::from_rotation(Quat::from_rotation_z(core::f32::consts::PI));
-/// assert!(canonical_grasp(turned).rotation.angle_between(canonical_grasp(down).rotation) < 1e-3, "the same grasp");
-/// ```
-#[must_use]
-pub fn canonical_grasp(pose: Pose3) -> Pose3 {
-    nearest_grasp(pose, REFERENCE_GRASP)
-}
-
-/// Of the two grip poses that grasp the same, 180° about the approach apart, the one whose
-/// orientation is nearer to `reference`.
-#[must_use]
-pub fn nearest_grasp(pose: Pose3, reference: Quat) -> Pose3 {
-    let reference_from_grip = reference.inverse() * pose.rotation;
-    // Turning by 180° about z swaps w and z: the angle to the reference is the smaller the larger
-    // |w| is.
-    let turn = if reference_from_grip.w.abs() < reference_from_grip.z.abs() {
-        Quat::from_xyzw(0.0, 0.0, 1.0, 0.0)
-    } else {
-        Quat::IDENTITY
-    };
-    Pose3::from_parts(pose.translation, canonical(pose.rotation * turn))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -312,17 +269,6 @@ mod tests {
             goal.pose.translation[axis] = if above { max + out } else { min - out };
             prop_assert_eq!(codec.encode(&goal), None);
         }
-
-        #[test]
-        fn both_sides_of_a_grasp_are_one(rotation in rotations()) {
-            let turned = rotation * Quat::from_rotation_z(PI);
-            let [a, b] = [rotation, turned].map(|rotation| canonical_grasp(Pose3::from_parts(Vec3::ONE, rotation)));
-            let distance = angle_between(a.rotation, b.rotation);
-            // Where both are equally near to the reference, rounding may keep either.
-            let tie = (REFERENCE_GRASP.inverse() * rotation).w.abs() - (REFERENCE_GRASP.inverse() * rotation).z.abs();
-            prop_assert!(distance < 1e-3 || tie.abs() < 1e-5, "{distance}");
-            prop_assert!(angle_between(a.rotation, rotation).min(angle_between(a.rotation, turned)) < 1e-3);
-        }
     }
 
     #[test]
@@ -387,18 +333,5 @@ mod tests {
             assert_eq!(cube.voxel_from_point(center), Some(near));
         }
         assert!(codec.zoom(2, Vec3::ZERO).is_none());
-    }
-
-    #[test]
-    fn a_grasp_from_above_keeps_a_yaw_near_the_start() {
-        for yaw_deg in [-170.0_f32, -80.0, -60.0, 0.0, 60.0, 100.0, 120.0, 179.0] {
-            let rotation = Quat::from_rotation_z(yaw_deg.to_radians()) * Quat::from_rotation_x(PI);
-            let kept = canonical_grasp(Pose3::from_parts(Vec3::ZERO, rotation)).rotation * Vec3::X;
-            let yaw = kept.y.atan2(kept.x).to_degrees();
-            assert!((-70.0..=110.0).contains(&yaw), "{yaw_deg} became {yaw}");
-        }
-        let reference = Quat::from_rotation_z(20_f32.to_radians()) * Quat::from_rotation_x(PI);
-        assert!(angle_between(reference, REFERENCE_GRASP) < 1e-3);
-        assert!((REFERENCE_GRASP.length() - 1.0).abs() < 1e-6);
     }
 }

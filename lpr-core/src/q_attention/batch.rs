@@ -1,6 +1,7 @@
 //! Replayed transitions made ready for an update: augmented, with labels recomputed, and voxelised.
 
-use super::action::{ActionCodec, canonical_grasp};
+use super::action::ActionCodec;
+use super::grasp::{HalfTurn, Hand};
 use super::next_best_pose::NextBestPose;
 use super::observation::QObservation;
 use super::settings::QAttentionSettings;
@@ -54,6 +55,8 @@ pub(super) struct Augmented<'a> {
     pub(super) depths: Vec<DepthLabel>,
     /// Rotation bins of the moved action.
     pub(super) rotation: [usize; 3],
+    /// True if they are of the other of two equivalent grasps.
+    half_turned: bool,
 }
 
 /// The cube that a depth sees, and the position of the label among its voxels.
@@ -84,13 +87,16 @@ impl<'a> Augmented<'a> {
                 .iter()
                 .map(|half| jitter(half * settings.crop_jitter, rng))
                 .collect::<Vec<_>>();
-            if let Some(augmented) = Self::new(sample, codec, transform, &jitters) {
+            if let Some(augmented) =
+                Self::new(sample, codec, settings.half_turn, transform, &jitters)
+            {
                 return Some(augmented);
             }
         }
         // No draw kept the label: the sample is learned as it was seen.
         let still = PointTransform { yaw: 0.0, shift: Vec3::ZERO, about };
-        Self::new(sample, codec, still, &vec![Vec3::ZERO; settings.zoom_half_widths.len()])
+        let centered = vec![Vec3::ZERO; settings.zoom_half_widths.len()];
+        Self::new(sample, codec, settings.half_turn, still, &centered)
     }
 
     /// `sample` moved by `transform`, the cube of each later depth moved by its `jitters` away from
@@ -98,11 +104,14 @@ impl<'a> Augmented<'a> {
     fn new(
         sample: QSample<'a>,
         codec: &ActionCodec,
+        half_turn: HalfTurn,
         transform: PointTransform,
         jitters: &[Vec3],
     ) -> Option<Self> {
         // After the turn: it may make the other of two equivalent grasps the canonical one.
-        let pose = canonical_grasp(transform.pose() * sample.action.pose);
+        let pose = transform.pose() * sample.action.pose;
+        let hand = Hand::of(&moved(&transform, &sample.observation.proprio));
+        let rotation = half_turn.label(pose.rotation, hand);
         let mut depths = Vec::with_capacity(codec.n_depths());
         let mut center = Vec3::ZERO;
         for depth_idx in 0..codec.n_depths() {
@@ -112,14 +121,15 @@ impl<'a> Augmented<'a> {
                 + jitters.get(depth_idx).copied().unwrap_or(Vec3::ZERO);
             depths.push(DepthLabel { space, flat: space.flat_from_voxel(voxel) });
         }
-        Some(Self { sample, transform, depths, rotation: codec.rotation.encode(pose.rotation) })
+        let half_turned = rotation.dot(pose.rotation).abs() < HALF_TURNED;
+        let rotation = codec.rotation.encode(rotation);
+        Some(Self { sample, transform, depths, rotation, half_turned })
     }
 
     /// Its label of the rotation.
     pub(super) fn label(&self) -> AugmentedLabel {
-        let moved = self.transform.pose() * self.sample.action.pose;
-        let half_turned = canonical_grasp(moved).rotation.dot(moved.rotation).abs() < HALF_TURNED;
-        AugmentedLabel { yaw: self.transform.yaw, rotation: self.rotation, half_turned }
+        let Self { transform: PointTransform { yaw, .. }, rotation, half_turned, .. } = *self;
+        AugmentedLabel { yaw, rotation, half_turned }
     }
 
     /// The moved observation before the action, voxelised in the cube of a depth.
@@ -135,8 +145,12 @@ impl<'a> Augmented<'a> {
     /// Proprioception of a moved observation: the grip moves along; joint angles stay, and no
     /// network reads them.
     pub(super) fn moved_proprio(&self, observation: &QObservation) -> Proprio {
-        Proprio { grip: self.transform.pose() * observation.proprio.grip, ..observation.proprio }
+        moved(&self.transform, &observation.proprio)
     }
+}
+
+fn moved(transform: &PointTransform, proprio: &Proprio) -> Proprio {
+    Proprio { grip: transform.pose() * proprio.grip, ..*proprio }
 }
 
 /// Uniform in `-range..=range`.

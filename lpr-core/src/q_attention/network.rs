@@ -10,6 +10,7 @@ mod unet;
 use super::settings::{NetworkSettings, QAttentionSettings};
 use crate::rng::Rng;
 pub use input::NetworkInput;
+pub(super) use input::proprio_features;
 pub use unet::UNet;
 
 use fast::{FastHeadSizes, FastNetwork, FastSizes};
@@ -72,10 +73,12 @@ impl QNetwork {
     ) -> Self {
         let side = settings.voxels_per_side;
         let rotation_bins = settings.rotation_bins;
+        let proprio = input::n_proprio(settings.half_turn);
         match settings.network {
             NetworkSettings::Paper { channels, bottleneck, hidden } => {
                 let rotation_bins = (heads == Heads::Pose).then_some(rotation_bins);
-                let sizes = PaperSizes { side, channels, bottleneck, hidden, rotation_bins };
+                let sizes =
+                    PaperSizes { side, proprio, channels, bottleneck, hidden, rotation_bins };
                 Self { paper: Some(PaperNetwork::new(sizes, device, rng)), fast: None }
             }
             NetworkSettings::Fast {
@@ -85,7 +88,7 @@ impl QNetwork {
                 hidden,
                 harmonics,
             } => {
-                let sizes = FastSizes { side, cell_channels, block_channels };
+                let sizes = FastSizes { side, proprio, cell_channels, block_channels };
                 let head = FastHeadSizes { head_channels, hidden, rotation_bins, harmonics };
                 let head = (heads == Heads::Pose).then_some(head);
                 Self { paper: None, fast: Some(FastNetwork::new(sizes, head, device, rng)) }

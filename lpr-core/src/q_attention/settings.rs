@@ -1,5 +1,6 @@
 //! Every number of the Q-attention agent.
 
+use super::grasp::HalfTurn;
 use crate::check::{in_table, setting};
 use crate::error::Result;
 
@@ -44,6 +45,9 @@ pub struct QAttentionSettings {
     /// Greatest random shift of the cube of a later depth from its label, as a fraction of its half
     /// width (released: 0.75).
     pub crop_jitter: f32,
+    /// What is done about the half turn of a two-finger grasp.
+    #[serde(default)]
+    pub half_turn: HalfTurn,
     /// Largest rotation about the vertical that a sampled observation and its action undergo,
     /// radians (released: 0).
     pub yaw_range: f32,
@@ -170,6 +174,7 @@ pub(super) mod tests {
             rotation_regularisation: 1.0,
             imitation: None,
             crop_jitter: 0.5,
+            half_turn: HalfTurn::Relative,
             yaw_range: 0.5,
             shift_range: Vec3::new(0.1, 0.1, 0.0),
             network: NetworkSettings::Fast {

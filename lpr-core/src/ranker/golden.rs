@@ -100,6 +100,7 @@ fn check_case(case: &Case, backend: Backend) {
 
     let batch: Vec<_> = (0..case.batch.len())
         .map(|idx| RankerTransition {
+            outcome: 0.0,
             taken: taken[idx].sample(),
             reward: case.batch[idx].reward,
             next: next[idx].as_ref().map(Owned::sample),

@@ -10,6 +10,7 @@ use std::sync::Arc;
 
 use burn::module::Module;
 use burn::tensor::{Device, Tensor};
+use glamx::Pose3;
 
 /// Numbers of the context: start and goal configuration, next-best pose, collides, gripper open,
 /// time.
@@ -21,11 +22,22 @@ const GRIP_FEATURES: usize = POSE_FEATURES;
 /// slides ask for.
 const GRIP_SCALE: f32 = 0.2;
 
+/// Numbers of a configuration's place: share of the way, and three of the grip's offset from the
+/// straight line between the ends, in the frame of the goal.
+const CHORD_FEATURES: usize = 4;
+/// Offset that a feature of 1 stands for, metres: arcs that hold and arcs that slip off a hinge
+/// differ by millimetres.
+const OFFSET_SCALE: f32 = 0.05;
+/// Lengths of a path: of the grip's way and of its chord (units of [`GRIP_SCALE`]), the turn of the
+/// grip and that of the joints (radians).
+const LENGTH_FEATURES: usize = 4;
+
 /// Numbers of one configuration.
 const fn config_features(input: RankerInput) -> usize {
     match input {
         RankerInput::Joints | RankerInput::Context => DOF,
         RankerInput::Grip => DOF + GRIP_FEATURES,
+        RankerInput::Chord => DOF + GRIP_FEATURES + CHORD_FEATURES,
     }
 }
 
@@ -35,6 +47,7 @@ const fn context_features(input: RankerInput) -> usize {
         RankerInput::Joints => 0,
         RankerInput::Context => CONTEXT_FEATURES,
         RankerInput::Grip => CONTEXT_FEATURES + GRIP_FEATURES,
+        RankerInput::Chord => CONTEXT_FEATURES + GRIP_FEATURES + LENGTH_FEATURES,
     }
 }
 
@@ -138,19 +151,26 @@ impl Encoding {
         let mut configs = Vec::with_capacity(samples.len() * path_len * n_config);
         let mut context = Vec::with_capacity(samples.len() * n_context);
         for sample in samples {
-            for config in sample.path.path.configs() {
-                configs.extend(self.joint_scale.apply(config));
-                if self.input == RankerInput::Grip {
-                    configs.extend(self.grip_features(config, sample.context));
-                }
-            }
+            let path = sample.path.path.configs();
             if self.input != RankerInput::Joints {
                 context.extend(self.context_features(sample));
             }
-            if self.input == RankerInput::Grip {
-                // The maximum over the configurations forgets their order: the head is told the
-                // start.
-                context.extend(self.grip_features(sample.path.path.start(), sample.context));
+            if matches!(self.input, RankerInput::Joints | RankerInput::Context) {
+                configs.extend(path.iter().flat_map(|config| self.joint_scale.apply(config)));
+                continue;
+            }
+            let grips = self.grips_in_goal(path, sample.context);
+            for (idx, (config, grip)) in path.iter().zip(&grips).enumerate() {
+                configs.extend(self.joint_scale.apply(config));
+                configs.extend(grip_features(grip));
+                if self.input == RankerInput::Chord {
+                    configs.extend(chord_features(idx, &grips));
+                }
+            }
+            // The maximum over the configurations forgets their order: the head is told the start.
+            context.extend(grip_features(&grips[0]));
+            if self.input == RankerInput::Chord {
+                context.extend(length_features(path, &grips));
             }
         }
         let dims = [samples.len(), path_len];
@@ -162,12 +182,11 @@ impl Encoding {
         })
     }
 
-    /// The grip of a configuration seen from the goal: the same hinge gives the same numbers
+    /// The grip at each configuration seen from the goal: the same hinge gives the same numbers
     /// wherever it stands.
-    fn grip_features(&self, config: &JointConfig, context: &RankerContext) -> [f32; GRIP_FEATURES] {
-        let mut in_goal = context.goal.pose.inverse() * self.robot.grip(config);
-        in_goal.translation /= GRIP_SCALE;
-        pose_features(&in_goal)
+    fn grips_in_goal(&self, path: &[JointConfig], context: &RankerContext) -> Vec<Pose3> {
+        let goal_from_world = context.goal.pose.inverse();
+        path.iter().map(|config| goal_from_world * self.robot.grip(config)).collect()
     }
 
     fn context_features(&self, sample: &RankerSample<'_>) -> [f32; CONTEXT_FEATURES] {
@@ -185,6 +204,27 @@ impl Encoding {
         ]);
         features
     }
+}
+
+fn grip_features(in_goal: &Pose3) -> [f32; GRIP_FEATURES] {
+    pose_features(&Pose3::from_parts(in_goal.translation / GRIP_SCALE, in_goal.rotation))
+}
+
+fn chord_features(idx: usize, grips: &[Pose3]) -> [f32; CHORD_FEATURES] {
+    let [start, end] = [grips[0].translation, grips[grips.len() - 1].translation];
+    let (chord, from_start) = (end - start, grips[idx].translation - start);
+    let along = from_start.dot(chord) / chord.length_squared().max(1e-6);
+    let [x, y, z] = ((from_start - along * chord) / OFFSET_SCALE).to_array();
+    [idx as f32 / (grips.len() - 1).max(1) as f32, x, y, z]
+}
+
+fn length_features(path: &[JointConfig], grips: &[Pose3]) -> [f32; LENGTH_FEATURES] {
+    let [first, last] = [&grips[0], &grips[grips.len() - 1]];
+    let way = grips.windows(2).map(|pair| pair[0].translation.distance(pair[1].translation));
+    let chord = first.translation.distance(last.translation);
+    let turn = grips.windows(2).map(|pair| pair[0].rotation.angle_between(pair[1].rotation));
+    let joints = path.windows(2).map(|pair| pair[0].distance(&pair[1]));
+    [way.sum::<f32>() / GRIP_SCALE, chord / GRIP_SCALE, turn.sum(), joints.sum()]
 }
 
 /// The number of configurations of every path.

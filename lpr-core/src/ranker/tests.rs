@@ -8,6 +8,8 @@ use rand::RngExt as _;
 
 fn settings() -> RankerSettings {
     RankerSettings {
+        objective: Objective::TemporalDifference,
+        acting_weights: ActingNetwork::Online,
         input: RankerInput::Context,
         config_widths: vec![32, 64],
         head_widths: vec![32],
@@ -57,7 +59,13 @@ fn transition<'a>(
     context: &'a RankerContext,
 ) -> RankerTransition<'a> {
     let sample = |path| RankerSample { context, path };
-    RankerTransition { taken: sample(taken), reward: 0.7, next: next.map(sample), weight: 1.0 }
+    RankerTransition {
+        taken: sample(taken),
+        reward: 0.7,
+        next: next.map(sample),
+        outcome: 0.0,
+        weight: 1.0,
+    }
 }
 
 #[test]

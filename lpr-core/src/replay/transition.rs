@@ -66,6 +66,7 @@ impl<O> Transition<O> {
             taken: self.step.decision.ranker_sample(),
             reward: self.reward,
             next,
+            outcome: f32::from(u8::from(self.episode_success)),
             weight,
         }
     }

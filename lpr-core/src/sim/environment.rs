@@ -245,16 +245,21 @@ impl SimEnvironment {
     pub fn observe(&mut self) -> Observation {
         let cameras = Arc::clone(&self.cameras);
         let views = cameras.iter().map(|camera| self.view(camera)).collect();
+        Observation { views, proprio: self.proprio() }
+    }
+
+    /// The arm's part of an observation.
+    #[must_use]
+    pub fn proprio(&self) -> Proprio {
         let width = self.world.gripper_width();
-        let proprio = Proprio {
+        Proprio {
             joints: *self.world.config(),
             gripper_width: width,
             gripper_open: Proprio::openness(width, self.world.gripper_spec().max_width),
             finger_positions: [0.5 * width; 2],
             grip: self.robot.grip(self.world.config()),
             time: time_feature(self.step, EPISODE_LENGTH),
-        };
-        Observation { views, proprio }
+        }
     }
 }
 

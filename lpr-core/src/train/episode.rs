@@ -2,7 +2,7 @@
 
 use super::log::{EpisodeLog, chosen_values};
 use crate::agent::{Action, Agent, context};
-use crate::demo::{DemoEpisode, DemoStep};
+use crate::demo::{DemoEpisode, DemoStep, PathStarts};
 use crate::env::StepResult;
 use crate::error::{Error, Result};
 use crate::learner::{Learner, Row, Seen};
@@ -136,6 +136,7 @@ impl Episode {
 /// The steps of a demonstration into the buffers (line 3).
 pub(super) fn add_demonstration(
     demo: &DemoEpisode,
+    starts: PathStarts,
     agent: &Agent,
     learner: &mut Learner,
 ) -> Result<()> {
@@ -158,7 +159,9 @@ pub(super) fn add_demonstration(
             episode_success: true,
             is_demo: true,
         };
-        learner.push_path(&row);
+        if starts == PathStarts::Every || demo.start == 0 {
+            learner.push_path(&row);
+        }
         if let Some(attention) = &agent.networks.q_attention {
             learner.push_scene(&row, attention);
         }

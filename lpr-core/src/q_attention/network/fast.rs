@@ -16,7 +16,7 @@
 use super::blocks::{block_of_raster, raster_of_block};
 use super::{NetworkInput, PoseValues, QValues};
 use crate::nn::{Activation, Dense, Padding, Spread, Tiles, tensor};
-use crate::perception::{LOW_DIM, VOXEL_CHANNELS};
+use crate::perception::VOXEL_CHANNELS;
 use crate::rng::Rng;
 
 use burn::module::Module;
@@ -38,6 +38,8 @@ const KAIMING: Spread = Spread::Kaiming { slope: 0.0 };
 #[derive(Debug, Clone, Copy)]
 pub(super) struct FastSizes {
     pub(super) side: usize,
+    /// Numbers of the proprioception.
+    pub(super) proprio: usize,
     pub(super) cell_channels: usize,
     pub(super) block_channels: usize,
 }
@@ -102,12 +104,12 @@ impl FastNetwork {
         device: &Device,
         rng: &mut Rng,
     ) -> Self {
-        let FastSizes { side, cell_channels: c, block_channels: b } = sizes;
+        let FastSizes { side, cell_channels: c, block_channels: b, .. } = sizes;
         Self {
             stem: Dense::new(BLOCK * VOXEL_CHANNELS, c, KAIMING, device, rng),
             cells: Dense::new(NEAR * c, c, KAIMING, device, rng),
             down: Dense::new(BLOCK * c, b, KAIMING, device, rng),
-            proprio: Dense::new(LOW_DIM, b, KAIMING, device, rng),
+            proprio: Dense::new(sizes.proprio, b, KAIMING, device, rng),
             blocks: Dense::new(NEAR * b, b, KAIMING, device, rng),
             up: Dense::new(b, BLOCK * c, KAIMING, device, rng),
             merge: Dense::new(NEAR * c, c, KAIMING, device, rng),

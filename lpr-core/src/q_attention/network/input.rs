@@ -2,7 +2,8 @@
 
 use super::QNetwork;
 use crate::nn::tensor;
-use crate::perception::{LOW_DIM, Proprio, VOXEL_CHANNELS, VoxelGrid};
+use crate::perception::{LOW_DIM, Proprio, VOXEL_CHANNELS, VoxelGrid, rotation_columns};
+use crate::q_attention::grasp::HalfTurn;
 
 use burn::tensor::{Device, Tensor};
 use glamx::Vec3;
@@ -13,18 +14,19 @@ pub struct NetworkInput {
     /// `[B, D H W, 10]`: the channels of [`crate::perception::VoxelGrid`] for each voxel, in the
     /// order of [`QNetwork::raster_of_row`].
     pub voxels: Tensor<3>,
-    /// `[B, 11]`: what the arm knows of itself.
+    /// `[B, 11]` or `[B, 14]`: what the arm knows of itself, see [`HalfTurn`].
     pub proprio: Tensor<2>,
 }
 
 impl NetworkInput {
-    /// Grids and proprioception as one batch for `network`.
+    /// Grids and proprioception ([`proprio_features`]) as one batch for `network`.
     pub(in crate::q_attention) fn new(
         network: &QNetwork,
         grids: &[VoxelGrid],
-        proprio: &[Proprio],
+        proprio: &[Vec<f32>],
         device: &Device,
     ) -> Self {
+        let n_proprio = proprio.first().map_or(0, Vec::len);
         let n_voxels = grids.first().map_or(0, |grid| grid.space.n_voxels());
         let mut voxels = Vec::with_capacity(grids.len() * n_voxels * VOXEL_CHANNELS);
         for grid in grids {
@@ -38,11 +40,36 @@ impl NetworkInput {
                 None => voxels.extend((0..n_voxels).flat_map(|flat| grid.voxel(flat))),
             }
         }
-        let low_dim = proprio.iter().flat_map(Proprio::low_dim).collect();
         Self {
             voxels: tensor(voxels, [grids.len(), n_voxels, VOXEL_CHANNELS], device),
-            proprio: tensor(low_dim, [proprio.len(), LOW_DIM], device),
+            proprio: tensor(proprio.concat(), [proprio.len(), n_proprio], device),
         }
+    }
+}
+
+/// What a network is told of the arm: [`Proprio::low_dim`], and under the rule of
+/// [`HalfTurn::Relative`] whether the gripper is open (1) and holds something (1), position (3) and
+/// first two columns of the rotation (6) of the canonical hand, finger positions (2) and time (1).
+///
+/// A quaternion has two signs, and over the orientations that tasks use no choice between them
+/// keeps neighbours together.
+pub(in crate::q_attention) fn proprio_features(half_turn: HalfTurn, proprio: &Proprio) -> Vec<f32> {
+    let low_dim = proprio.low_dim();
+    if half_turn != HalfTurn::Relative {
+        return low_dim.to_vec();
+    }
+    let mut features = vec![proprio.gripper_open, f32::from(u8::from(proprio.holds()))];
+    features.extend_from_slice(&proprio.grip.translation.to_array());
+    features.extend(rotation_columns(half_turn.seen(proprio.grip.rotation)));
+    features.extend_from_slice(&low_dim[LOW_DIM - 3..]);
+    features
+}
+
+/// Length of [`proprio_features`].
+pub(super) const fn n_proprio(half_turn: HalfTurn) -> usize {
+    match half_turn {
+        HalfTurn::Ignored | HalfTurn::Nearest => LOW_DIM,
+        HalfTurn::Relative => 14,
     }
 }
 

@@ -8,7 +8,7 @@
 use super::layers::Conv3;
 use super::{NetworkInput, PoseValues, QValues};
 use crate::nn::{Activation, Dense, Padding, Spread, Tiles, tensor};
-use crate::perception::{LOW_DIM, VOXEL_CHANNELS};
+use crate::perception::VOXEL_CHANNELS;
 use crate::rng::Rng;
 
 use burn::module::Module;
@@ -27,6 +27,8 @@ const KAIMING: Spread = Spread::Kaiming { slope: SLOPE };
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PaperSizes {
     pub(super) side: usize,
+    /// Numbers of the proprioception.
+    pub(super) proprio: usize,
     pub(super) channels: usize,
     pub(super) bottleneck: usize,
     pub(super) hidden: usize,
@@ -64,7 +66,7 @@ impl Grid {
 
 impl PaperNetwork {
     pub(super) fn new(sizes: PaperSizes, device: &Device, rng: &mut Rng) -> Self {
-        let PaperSizes { side, channels: c, bottleneck, .. } = sizes;
+        let PaperSizes { side, proprio, channels: c, bottleneck, .. } = sizes;
         let mut inception = |fan_in, out| Inception::new(fan_in, out, bottleneck, device, rng);
         let input = inception(VOXEL_CHANNELS, c);
         let down = [inception(2 * c, c), inception(c, 2 * c), inception(2 * c, 4 * c)];
@@ -74,7 +76,7 @@ impl PaperNetwork {
         ];
         Self {
             input,
-            proprio: Dense::new(LOW_DIM, c, KAIMING, device, rng),
+            proprio: Dense::new(proprio, c, KAIMING, device, rng),
             down,
             up,
             merge: Conv3::new([2 * c, c, 3], KAIMING, device, rng),
@@ -297,8 +299,14 @@ mod tests {
 
     #[test]
     fn released_sizes_have_the_released_number_of_parameters() {
-        let sizes =
-            PaperSizes { side: 16, channels: 64, bottleneck: 32, hidden: 128, rotation_bins: None };
+        let sizes = PaperSizes {
+            side: 16,
+            proprio: 11,
+            channels: 64,
+            bottleneck: 32,
+            hidden: 128,
+            rotation_bins: None,
+        };
         assert_eq!(network(sizes).num_params(), 879_553);
         let last = network(PaperSizes { rotation_bins: Some(72), ..sizes });
         assert_eq!(last.num_params(), 1_186_459);
@@ -396,8 +404,14 @@ mod tests {
 
     #[test]
     fn values_and_gradients_are_those_of_pytorch() {
-        let sizes =
-            PaperSizes { side: 8, channels: 4, bottleneck: 3, hidden: 5, rotation_bins: Some(4) };
+        let sizes = PaperSizes {
+            side: 8,
+            proprio: 11,
+            channels: 4,
+            bottleneck: 3,
+            hidden: 5,
+            rotation_bins: Some(4),
+        };
         let (Golden { outputs: expected, slopes, .. }, (found, gradients)) =
             (golden(), run(sizes, 7, wave));
         assert_close("translation", &found.translation, &expected.translation, 1e-5);
@@ -425,6 +439,7 @@ mod tests {
     #[expect(clippy::print_stdout, reason = "the figures, with --no-capture")]
     fn at_the_released_sizes_they_differ_by_a_ten_thousandth_of_the_largest() {
         let sizes = PaperSizes {
+            proprio: 11,
             side: 16,
             channels: 64,
             bottleneck: 32,

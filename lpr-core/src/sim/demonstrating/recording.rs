@@ -59,7 +59,7 @@ pub fn demo_episodes(
         let step = DemoStep { observation: seen.observe(), goal, path };
         match episodes.last_mut() {
             Some(episode) if transition.step > 0 => episode.steps.push(step),
-            _ => episodes.push(DemoEpisode { steps: vec![step] }),
+            _ => episodes.push(DemoEpisode { start: transition.observation, steps: vec![step] }),
         }
     }
     episodes

@@ -95,6 +95,7 @@ fn path_networks(env: &SimEnvironment) -> Result<Vec<Row>> {
     for (name, path_len) in [("ranker_train_b128_t30", 30), ("ranker_train_b128_t100", 100)] {
         let paths = ranked(PATHS, path_len);
         let transition = |path| RankerTransition {
+            outcome: 0.0,
             taken: RankerSample { context: &context, path },
             reward: 1.0,
             next: None,
