@@ -57,6 +57,9 @@ pub enum RankerInput {
     /// [`Self::Grip`], and for every configuration its place on the path and how far off the
     /// straight line between the ends it is; for the head the lengths of the path.
     Chord,
+    /// [`Self::Chord`] without joints and without places in the world: the same motion towards the
+    /// same pose is the same input wherever it happens.
+    Motion,
 }
 
 /// Meaning of a value, and what it is fitted to.
@@ -108,6 +111,10 @@ pub struct RankerSettings {
     /// Weights that rank: the paper's are those that gradients change.
     #[serde(default = "online")]
     pub acting_weights: ActingNetwork,
+    /// Values that differ by less are one: of the paths within this of the best, the shortest free
+    /// one runs. 0 is the paper's argmax.
+    #[serde(default)]
+    pub tie: f32,
     /// Range of the targets.
     pub target_range: TargetRange,
     /// Weight of the next path's value: `γ` in the paper.
@@ -252,6 +259,12 @@ impl Ranker {
             ActingNetwork::Target => &self.target,
         };
         Ok(self.read(network.forward(&self.encoding.encode(&samples, &self.device)?)))
+    }
+
+    /// Difference below which values are one.
+    #[must_use]
+    pub const fn tie(&self) -> f32 {
+        self.settings.tie
     }
 
     /// Parameters, and operations of one forward pass of a path of `path_len` configurations.
@@ -406,7 +419,11 @@ fn check(settings: &RankerSettings) -> Result<()> {
     if settings.config_widths.iter().chain(&settings.head_widths).any(|&width| width == 0) {
         return Err(Error::Config("ranker: every layer needs at least one output".to_owned()));
     }
-    for (name, factor) in [("discount", settings.discount), ("target_mix", settings.target_mix)] {
+    for (name, factor) in [
+        ("discount", settings.discount),
+        ("target_mix", settings.target_mix),
+        ("tie", settings.tie),
+    ] {
         if !(0.0..=1.0).contains(&factor) {
             return Err(Error::Config(format!("ranker.{name}: expected 0 to 1, found {factor}")));
         }

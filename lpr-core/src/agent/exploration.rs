@@ -92,17 +92,22 @@ impl Exploration {
 
     /// Index of the path to run by the values of each critic; the first of those with the highest
     /// mean when greedy.
-    pub(super) fn choose(self, by_critic: &[Vec<f32>], rng: &mut Rng) -> Option<usize> {
+    pub(super) fn choose(
+        self,
+        by_critic: &[Vec<f32>],
+        ties: Ties<'_>,
+        rng: &mut Rng,
+    ) -> Option<usize> {
         let values = &mean(by_critic);
         match self {
             Self::Critics { last, .. } => {
                 if rng.random::<f32>() < last {
                     return uniform(values.len(), rng);
                 }
-                argmax(&by_critic[rng.random_range(0..by_critic.len())])
+                ties.best(&by_critic[rng.random_range(0..by_critic.len())])
             }
             Self::Epsilon { last, .. } if rng.random::<f32>() < last => uniform(values.len(), rng),
-            Self::Greedy | Self::Epsilon { .. } => argmax(values),
+            Self::Greedy | Self::Epsilon { .. } => ties.best(values),
             Self::Softmax { temperature } => {
                 let best = values[argmax(values)?];
                 let weights: Vec<f32> =
@@ -115,6 +120,26 @@ impl Exploration {
                 Some(passed.count().min(values.len() - 1))
             }
         }
+    }
+}
+
+/// What decides between values that hardly differ.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Ties<'a> {
+    /// Values that differ by at most this are one.
+    pub(super) within: f32,
+    /// Of equals, the candidate that costs the least runs.
+    pub(super) costs: &'a [f32],
+}
+
+impl Ties<'_> {
+    fn best(self, values: &[f32]) -> Option<usize> {
+        let best = argmax(values)?;
+        let equals = (0..values.len()).filter(|&idx| values[idx] >= values[best] - self.within);
+        if self.within > 0.0 {
+            return equals.min_by(|&a, &b| self.costs[a].total_cmp(&self.costs[b]));
+        }
+        Some(best)
     }
 }
 

@@ -14,7 +14,9 @@ use glamx::Pose3;
 
 /// Numbers of the context: start and goal configuration, next-best pose, collides, gripper open,
 /// time.
-const CONTEXT_FEATURES: usize = 2 * DOF + GOAL_FEATURES + 3;
+const CONTEXT_FEATURES: usize = 2 * DOF + GOAL_FEATURES + SITUATION_FEATURES - 1;
+/// Numbers of what is the same everywhere: the gripper's command, collides, gripper open, time.
+const SITUATION_FEATURES: usize = 4;
 
 /// Numbers of a grip pose in the frame of the goal: position and two columns of the rotation.
 const GRIP_FEATURES: usize = POSE_FEATURES;
@@ -38,6 +40,7 @@ const fn config_features(input: RankerInput) -> usize {
         RankerInput::Joints | RankerInput::Context => DOF,
         RankerInput::Grip => DOF + GRIP_FEATURES,
         RankerInput::Chord => DOF + GRIP_FEATURES + CHORD_FEATURES,
+        RankerInput::Motion => GRIP_FEATURES + CHORD_FEATURES,
     }
 }
 
@@ -48,6 +51,7 @@ const fn context_features(input: RankerInput) -> usize {
         RankerInput::Context => CONTEXT_FEATURES,
         RankerInput::Grip => CONTEXT_FEATURES + GRIP_FEATURES,
         RankerInput::Chord => CONTEXT_FEATURES + GRIP_FEATURES + LENGTH_FEATURES,
+        RankerInput::Motion => SITUATION_FEATURES + GRIP_FEATURES + LENGTH_FEATURES,
     }
 }
 
@@ -152,8 +156,15 @@ impl Encoding {
         let mut context = Vec::with_capacity(samples.len() * n_context);
         for sample in samples {
             let path = sample.path.path.configs();
-            if self.input != RankerInput::Joints {
-                context.extend(self.context_features(sample));
+            match self.input {
+                RankerInput::Joints => (),
+                RankerInput::Context | RankerInput::Grip | RankerInput::Chord => {
+                    context.extend(self.context_features(sample));
+                }
+                RankerInput::Motion => {
+                    let all = self.context_features(sample);
+                    context.extend_from_slice(&all[CONTEXT_FEATURES - SITUATION_FEATURES..]);
+                }
             }
             if matches!(self.input, RankerInput::Joints | RankerInput::Context) {
                 configs.extend(path.iter().flat_map(|config| self.joint_scale.apply(config)));
@@ -161,15 +172,17 @@ impl Encoding {
             }
             let grips = self.grips_in_goal(path, sample.context);
             for (idx, (config, grip)) in path.iter().zip(&grips).enumerate() {
-                configs.extend(self.joint_scale.apply(config));
+                if self.input != RankerInput::Motion {
+                    configs.extend(self.joint_scale.apply(config));
+                }
                 configs.extend(grip_features(grip));
-                if self.input == RankerInput::Chord {
+                if self.input != RankerInput::Grip {
                     configs.extend(chord_features(idx, &grips));
                 }
             }
             // The maximum over the configurations forgets their order: the head is told the start.
             context.extend(grip_features(&grips[0]));
-            if self.input == RankerInput::Chord {
+            if self.input != RankerInput::Grip {
                 context.extend(length_features(path, &grips));
             }
         }

@@ -10,6 +10,7 @@ fn settings() -> RankerSettings {
     RankerSettings {
         objective: Objective::TemporalDifference,
         acting_weights: ActingNetwork::Online,
+        tie: 0.0,
         input: RankerInput::Context,
         config_widths: vec![32, 64],
         head_widths: vec![32],
