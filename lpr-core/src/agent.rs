@@ -142,7 +142,8 @@ impl Agent {
                 // Line 10: ξ^π ← π(o_t, g_t); the next line adds it if it is valid.
                 let proposed = self.policy_path(proprio, pose)?;
                 // Line 11: Ξ ← [ξ^m_1, …, ξ^m_M, ξ^b_1, …, ξ^b_B, ξ^π].
-                paths.join(planned, curved, proposed.as_ref())
+                let set = paths.join(planned, curved, proposed.as_ref());
+                self.refined(&paths, set, proprio, *pose)?
             }
         };
         // Line 12: ξ* ← argmax Q^R(Ξ).
@@ -253,6 +254,26 @@ impl Agent {
         let start = &proprio.joints;
         let Some(goal_config) = self.robot.ik_nearest(&goal.pose, start) else { return Ok(None) };
         policy.path(start, &goal_config, goal, self.candidate_settings().path_len).map(Some)
+    }
+
+    /// `set` with further curves around its best, where they are asked for: a second round of the
+    /// cross-entropy method.
+    fn refined(
+        &self,
+        paths: &PathSampler<'_>,
+        mut set: CandidateSet,
+        proprio: &Proprio,
+        goal: NextBestPose,
+    ) -> Result<CandidateSet> {
+        let Some(refinement) = self.candidate_settings().refinement else { return Ok(set) };
+        let Some(by_critic) = self.values(&set, proprio, goal)? else { return Ok(set) };
+        let values = mean(&by_critic);
+        let mut order: Vec<_> = (0..values.len()).collect();
+        order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
+        order.truncate(refinement.best);
+        let further = paths.curves_around(&set, &order);
+        set.add(further);
+        Ok(set)
     }
 
     /// Line 12: value of every candidate by each critic; none without a ranker.

@@ -10,7 +10,7 @@ mod timing;
 
 pub use candidates::{
     CandidatePath, CandidateSet, CandidateSettings, CandidateStreams, PathQuery, PathSampler,
-    RejectedPath, SampledPaths, c2farm_path, candidates, linear_candidate,
+    Refinement, RejectedPath, SampledPaths, c2farm_path, candidates, linear_candidate,
 };
 #[cfg(feature = "sim")]
 pub(crate) use curves::linear_path_in;

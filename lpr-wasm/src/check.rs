@@ -10,7 +10,7 @@ use lpr_core::path::{CandidateStreams, JointPath, Source};
 use lpr_core::perception::Observation;
 use lpr_core::q_attention::{ActingNetwork, NextBestPose, QObservation, QSample};
 use lpr_core::ranker::{RankedPath, RankerContext};
-use lpr_core::rng::{Stream, stream};
+use lpr_core::rng::{Stream, normal, stream};
 use lpr_core::robot::{Robot, XARM7};
 use lpr_core::sim::tasks::Task;
 use lpr_core::sim::{ArmSweep, SimEnvironment, SimParams, World, demonstrate};
@@ -159,6 +159,36 @@ impl NetworksBench {
         let rng = &mut stream(0, Stream::Augment, self.updates);
         self.updates += 1;
         attention.update(&[sample; SCENES], rng).losses.iter().sum()
+    }
+
+    /// Gradients of one update of Q-attention whose layers are all away from zero, as Adam's first
+    /// moments: of each tensor, first its largest absolute value, then some of its numbers.
+    ///
+    /// # Errors
+    ///
+    /// As those of [`lpr_core::q_attention::QAttention::restore`].
+    pub fn gradients(&mut self) -> Result<Vec<f32>> {
+        /// Numbers of a tensor that are told.
+        const TOLD: usize = 32;
+        let Some(attention) = &mut self.agent.networks.q_attention else { return Ok(Vec::new()) };
+        let mut state = attention.state();
+        let rng = &mut stream(1, Stream::Init, 0);
+        let online = state.depths.iter_mut().flat_map(|depth| &mut depth.online);
+        // Output layers start at zero, where nothing before them has a gradient.
+        online.flat_map(|tensor| &mut tensor.values).for_each(|value| *value += 0.02 * normal(rng));
+        attention.restore(&state)?;
+        let _ = self.update();
+        let Some(attention) = &self.agent.networks.q_attention else { return Ok(Vec::new()) };
+        let depths = attention.state().depths;
+        let tensors = depths.iter().flat_map(|depth| &depth.adam.first);
+        Ok(tensors
+            .flat_map(|tensor| {
+                let largest =
+                    tensor.values.iter().fold(0.0_f32, |most, value| most.max(value.abs()));
+                let stride = tensor.values.len().div_ceil(TOLD);
+                core::iter::once(largest).chain(tensor.values.iter().copied().step_by(stride))
+            })
+            .collect())
     }
 }
 

@@ -236,4 +236,13 @@ impl NetworksBench {
     pub fn update(&mut self) -> f32 {
         self.0.update()
     }
+
+    /// [`check::NetworksBench::gradients`].
+    ///
+    /// # Errors
+    ///
+    /// As there.
+    pub fn gradients(&mut self) -> Result<Vec<f32>, JsError> {
+        Ok(self.0.gradients()?)
+    }
 }

@@ -28,6 +28,7 @@ pub const CANDIDATES: CandidateSettings = CandidateSettings {
     min_goal_distance: 0.2,
     rrt: RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 500 },
     bezier: BezierSettings { sigma: 0.07 },
+    refinement: None,
 };
 
 /// The planner of one path, which may take longer than one of a candidate set.

@@ -108,6 +108,7 @@ fn candidate_paths_of_arms_with_eight_and_fourteen_joints_lead_to_the_goal() {
         planner: PlannerKind::RrtConnect,
         rrt: RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 500 },
         bezier: BezierSettings { sigma: 0.05 },
+        refinement: None,
     };
     for (dof, text) in arms() {
         let robot = read(&text);

@@ -1,5 +1,5 @@
 //! The same world after every task's demonstration, and the same candidates: natively with one and
-//! two threads, and in wasm.
+//! two threads, and in wasm; and the same gradients.
 
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
@@ -7,7 +7,7 @@ use crate::lpr::text;
 use lpr_core::robot::ROBOTS;
 use lpr_core::sim::tasks::TASKS;
 use lpr_tests::workspace;
-use lpr_wasm::check::{CandidatesBench, demonstration_hash};
+use lpr_wasm::check::{CandidatesBench, NetworksBench, demonstration_hash};
 use std::process::Command;
 
 /// A validation scene: the test scenes are for reported results.
@@ -73,4 +73,19 @@ fn the_planners_paths_and_the_curves_are_the_same_with_one_thread_two_threads_an
         serde_json::from_str(&node("candidates.mjs", &STEPS.to_string(), PAGE)).unwrap();
     assert_eq!(one, two);
     assert_eq!(one, wasm);
+}
+
+#[test]
+fn gradients_in_wasm_are_the_native_ones_within_a_ten_thousandth() {
+    let native = NetworksBench::new().unwrap().gradients().unwrap();
+    let wasm: Vec<f32> = serde_json::from_str(&node("gradients.mjs", "", PAGE)).unwrap();
+    assert_eq!(wasm.len(), native.len());
+    let norm = |values: &[f32]| values.iter().map(|value| value * value).sum::<f32>().sqrt();
+    let difference: Vec<_> = native.iter().zip(&wasm).map(|(native, wasm)| native - wasm).collect();
+    let off = norm(&difference) / norm(&native);
+    assert!(off < 1e-4 && norm(&native) > 1e-4, "{off} of {}", norm(&native));
+    // Each number within a ten thousandth of the largest of all.
+    let largest = native.iter().fold(0.0_f32, |most, value| most.max(value.abs()));
+    let farthest = difference.iter().fold(0.0_f32, |most, value| most.max(value.abs()));
+    assert!(farthest < 1e-4 * largest, "{farthest} of {largest}");
 }

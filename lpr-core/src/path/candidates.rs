@@ -25,7 +25,7 @@ pub use baseline::{c2farm_path, linear_candidate};
 pub use query::{CandidateStreams, PathQuery};
 pub use sampler::{PathSampler, candidates};
 pub use set::{CandidatePath, CandidateSet, RejectedPath, SampledPaths};
-pub use settings::CandidateSettings;
+pub use settings::{CandidateSettings, Refinement};
 
 #[cfg(test)]
 mod tests;

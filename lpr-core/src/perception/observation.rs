@@ -4,7 +4,7 @@
 
 use super::camera::Camera;
 use crate::robot::JointConfig;
-use glamx::{Mat3, Pose3, Quat, Vec3};
+use glamx::{Pose3, Quat, Vec3};
 
 /// Length of [`Proprio::low_dim`].
 pub const LOW_DIM: usize = 11;
@@ -174,9 +174,10 @@ impl Observation {
 
 /// Orientation as the first two columns of its matrix: continuous, unlike quaternions and Euler
 /// angles (Zhou et al. 2019).
+#[cfg(feature = "learn")]
 #[must_use]
 pub(crate) fn rotation_columns(rotation: Quat) -> [f32; 6] {
-    let rotation = Mat3::from_quat(rotation);
+    let rotation = glamx::Mat3::from_quat(rotation);
     let ([a, b, c], [d, e, f]) = (rotation.x_axis.to_array(), rotation.y_axis.to_array());
     [a, b, c, d, e, f]
 }

@@ -31,6 +31,9 @@ pub struct CandidateStreams {
 /// Bits of a stream's index that count the draws of one set.
 pub(super) const DRAW_BITS: u32 = 16;
 
+/// Number of the first draw of a second round of curves.
+pub(super) const SECOND_ROUND: usize = 1 << (DRAW_BITS - 1);
+
 impl CandidateStreams {
     pub(super) fn rng(self, stream: Stream, draw: usize) -> Rng {
         rng::stream(self.seed, stream, (self.step << DRAW_BITS) | draw as u64)

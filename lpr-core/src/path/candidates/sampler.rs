@@ -1,17 +1,18 @@
 //! The generators of candidates: lines 8–11 of Algorithm 1.
 
-use super::query::{CandidateStreams, PathQuery};
+use super::query::{CandidateStreams, PathQuery, SECOND_ROUND};
 use super::set::{CandidateSet, Outcome, SampledPaths};
-use super::settings::CandidateSettings;
+use super::settings::{CandidateSettings, Refinement};
 use crate::in_order::map_in_order;
 use crate::path::curves::{BezierCurve, ScrewMotion};
 use crate::path::joint_path::JointPath;
 use crate::path::planners::{PlannerSettings, plan_with, shortcut};
 use crate::path::rejection::Rejection;
 use crate::path::source::Source;
-use crate::rng::Stream;
+use crate::rng::{Stream, normal};
 use crate::robot::JointConfig;
 use crate::scene::{ArmSpheres, MotionChecker};
+use glamx::Vec3;
 
 /// The candidate paths for `query` without a policy (lines 8, 9 and 11 of Algorithm 1),
 /// deterministic for its streams and the same for any number of threads.
@@ -101,6 +102,37 @@ impl<'a> PathSampler<'a> {
     #[must_use]
     pub fn bezier_paths(&self) -> SampledPaths {
         SampledPaths { source: Source::Bezier, outcomes: self.curved(&self.goals) }
+    }
+
+    /// Curves around those candidates of `set`, in turns; none where they are not asked for.
+    #[must_use]
+    pub fn curves_around(&self, set: &CandidateSet, best: &[usize]) -> SampledPaths {
+        let refinement = self.settings.refinement.filter(|_| !best.is_empty());
+        let start = self.query.robot.grip(&self.query.start);
+        let curve = |path_idx: usize, Refinement { sigma, .. }: Refinement| {
+            let middle = self.middle(&set.candidates[best[path_idx % best.len()]].path);
+            self.first_success(|draw| {
+                let number = SECOND_ROUND + path_idx * self.settings.draws_per_path + draw;
+                let rng = &mut self.streams.rng(Stream::Bezier, number);
+                let offset = Vec3::from_array([0; 3].map(|_| sigma * normal(rng)));
+                let curve = BezierCurve::new(&start, middle + offset, &self.query.goal);
+                let path = curve.to_joints(self.query.robot, &self.query.start)?;
+                Ok(path.resample(self.settings.path_len))
+            })
+        };
+        let outcomes = refinement.map_or_else(Vec::new, |refinement| {
+            map_in_order(refinement.paths, |path_idx| curve(path_idx, refinement))
+        });
+        SampledPaths { source: Source::Bezier, outcomes }
+    }
+
+    /// Middle control point of the quadratic curve through the ends and the middle of `path`.
+    fn middle(&self, path: &JointPath) -> Vec3 {
+        let grip = |idx: usize| self.query.robot.grip(&path.configs()[idx]).translation;
+        let last = path.configs().len() - 1;
+        // B(1/2) = (P_0 + 2 P_1 + P_2) / 4.
+        let half_way = 0.5 * (grip(last / 2) + grip(last.div_ceil(2)));
+        2.0 * half_way - 0.5 * (grip(0) + grip(last))
     }
 
     /// Line 11: the candidates of all generators, with line 10's "if valid" for the path that the

@@ -49,7 +49,7 @@ impl CandidateSet {
     }
 
     /// Adds paths, but none that is already there.
-    pub(super) fn add(&mut self, SampledPaths { source, outcomes }: SampledPaths) {
+    pub(crate) fn add(&mut self, SampledPaths { source, outcomes }: SampledPaths) {
         for outcome in outcomes {
             self.rejected
                 .extend(outcome.failures.into_iter().map(|reason| RejectedPath { source, reason }));

@@ -1,6 +1,6 @@
 //! Numbers of the candidate set.
 
-use super::query::DRAW_BITS;
+use super::query::{DRAW_BITS, SECOND_ROUND};
 use crate::check::{in_table, setting};
 use crate::error::Result;
 use crate::path::curves::BezierSettings;
@@ -46,6 +46,22 @@ pub struct CandidateSettings {
     pub rrt: RrtSettings,
     /// The curves.
     pub bezier: BezierSettings,
+    /// A second round of curves; settings files that name none mean none, as in the paper.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refinement: Option<Refinement>,
+}
+
+/// A second round of curves, around the candidates that the ranker values most: the paper hopes to
+/// "rely less on sampling".
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Refinement {
+    /// Candidates that curves are drawn around.
+    pub best: usize,
+    /// Curves of the second round.
+    pub paths: usize,
+    /// Standard deviation of their middle control points around that of a candidate, metres.
+    pub sigma: f32,
 }
 
 impl CandidateSettings {
@@ -62,6 +78,7 @@ impl CandidateSettings {
         planner: PlannerKind::RrtConnect,
         rrt: RrtSettings { range: 1.0, checks_per_radian: 32.0, max_iterations: 500 },
         bezier: BezierSettings { sigma: 0.25 },
+        refinement: None,
     };
 
     /// Checks the ranges of all numbers.
@@ -84,6 +101,14 @@ impl CandidateSettings {
         for (name, n_paths) in paths {
             let n_draws = n_paths.saturating_mul(self.draws_per_path);
             setting(n_draws <= MAX_DRAWS, name, &expected, n_draws)?;
+        }
+        if let Some(Refinement { best, paths, sigma }) = self.refinement {
+            setting(best >= 1, "refinement.best", "at least 1", best)?;
+            let n_draws = self.bezier_paths.max(paths).saturating_mul(self.draws_per_path);
+            let expected = format!("at most {SECOND_ROUND} draws a round");
+            setting(n_draws <= SECOND_ROUND, "refinement.paths", &expected, n_draws)?;
+            let holds = sigma.is_finite() && sigma >= 0.0;
+            setting(holds, "refinement.sigma", "a finite number from 0", sigma)?;
         }
         let fraction = self.planner_collision_free_fraction;
         let name = "planner_collision_free_fraction";
