@@ -36,11 +36,11 @@ use crate::path::{
 };
 use crate::perception::{Observation, Proprio};
 use crate::q_attention::{ActingNetwork, NextBestPose, QAttention, QObservation};
-use crate::ranker::{RankedPath, Ranker, RankerContext};
+use crate::ranker::{RankedPath, RankerContext};
 use crate::rng::{Stream, stream};
 use crate::robot::Robot;
 use crate::scene::{ArmSpheres, Held, MotionChecker, Scene, observed_obstacles};
-use exploration::{Ties, mean, uniform};
+use exploration::{mean, uniform};
 use std::sync::Arc;
 
 /// The agent of Algorithm 1: networks, and the settings of everything around them.
@@ -314,11 +314,7 @@ impl Agent {
                     set.candidates.iter().position(|candidate| core::ptr::eq(candidate, best))
                 })
             }
-            (_, Some(by_critic)) => {
-                let tie = self.networks.ranker.as_ref().map_or(0.0, Ranker::tie);
-                let costs: Vec<_> = set.candidates.iter().map(cost_among_equals).collect();
-                draws.exploration.choose(by_critic, Ties { within: tie, costs: &costs }, rng)
-            }
+            (_, Some(by_critic)) => draws.exploration.choose(by_critic, rng),
             // C2F-ARM and the straight line: at most one candidate.
             (_, None) => (!set.candidates.is_empty()).then_some(0),
         }
@@ -366,12 +362,6 @@ impl Agent {
 /// The situation of paths to `goal`.
 pub(crate) fn context(proprio: &Proprio, goal: NextBestPose) -> RankerContext {
     RankerContext { goal, gripper_open: proprio.gripper_open, time: proprio.time }
-}
-
-/// Radians of its joints; a path that collides costs more than any that does not.
-fn cost_among_equals(candidate: &CandidatePath) -> f32 {
-    const COLLIDES: f32 = 1e3;
-    candidate.path.length() + if candidate.collides { COLLIDES } else { 0.0 }
 }
 
 /// The set of a method with one candidate.

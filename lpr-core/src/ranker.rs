@@ -111,10 +111,6 @@ pub struct RankerSettings {
     /// Weights that rank: the paper's are those that gradients change.
     #[serde(default = "online")]
     pub acting_weights: ActingNetwork,
-    /// Values that differ by less are one: of the paths within this of the best, the shortest free
-    /// one runs. 0 is the paper's argmax.
-    #[serde(default)]
-    pub tie: f32,
     /// Range of the targets.
     pub target_range: TargetRange,
     /// Weight of the next path's value: `γ` in the paper.
@@ -259,12 +255,6 @@ impl Ranker {
             ActingNetwork::Target => &self.target,
         };
         Ok(self.read(network.forward(&self.encoding.encode(&samples, &self.device)?)))
-    }
-
-    /// Difference below which values are one.
-    #[must_use]
-    pub const fn tie(&self) -> f32 {
-        self.settings.tie
     }
 
     /// Parameters, and operations of one forward pass of a path of `path_len` configurations.
@@ -419,11 +409,7 @@ fn check(settings: &RankerSettings) -> Result<()> {
     if settings.config_widths.iter().chain(&settings.head_widths).any(|&width| width == 0) {
         return Err(Error::Config("ranker: every layer needs at least one output".to_owned()));
     }
-    for (name, factor) in [
-        ("discount", settings.discount),
-        ("target_mix", settings.target_mix),
-        ("tie", settings.tie),
-    ] {
+    for (name, factor) in [("discount", settings.discount), ("target_mix", settings.target_mix)] {
         if !(0.0..=1.0).contains(&factor) {
             return Err(Error::Config(format!("ranker.{name}: expected 0 to 1, found {factor}")));
         }

@@ -92,22 +92,17 @@ impl Exploration {
 
     /// Index of the path to run by the values of each critic; the first of those with the highest
     /// mean when greedy.
-    pub(super) fn choose(
-        self,
-        by_critic: &[Vec<f32>],
-        ties: Ties<'_>,
-        rng: &mut Rng,
-    ) -> Option<usize> {
+    pub(super) fn choose(self, by_critic: &[Vec<f32>], rng: &mut Rng) -> Option<usize> {
         let values = &mean(by_critic);
         match self {
             Self::Critics { last, .. } => {
                 if rng.random::<f32>() < last {
                     return uniform(values.len(), rng);
                 }
-                ties.best(&by_critic[rng.random_range(0..by_critic.len())])
+                argmax(&by_critic[rng.random_range(0..by_critic.len())])
             }
             Self::Epsilon { last, .. } if rng.random::<f32>() < last => uniform(values.len(), rng),
-            Self::Greedy | Self::Epsilon { .. } => ties.best(values),
+            Self::Greedy | Self::Epsilon { .. } => argmax(values),
             Self::Softmax { temperature } => {
                 let best = values[argmax(values)?];
                 let weights: Vec<f32> =
@@ -120,26 +115,6 @@ impl Exploration {
                 Some(passed.count().min(values.len() - 1))
             }
         }
-    }
-}
-
-/// What decides between values that hardly differ.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Ties<'a> {
-    /// Values that differ by at most this are one.
-    pub(super) within: f32,
-    /// Of equals, the candidate that costs the least runs.
-    pub(super) costs: &'a [f32],
-}
-
-impl Ties<'_> {
-    fn best(self, values: &[f32]) -> Option<usize> {
-        let best = argmax(values)?;
-        let equals = (0..values.len()).filter(|&idx| values[idx] >= values[best] - self.within);
-        if self.within > 0.0 {
-            return equals.min_by(|&a, &b| self.costs[a].total_cmp(&self.costs[b]));
-        }
-        Some(best)
     }
 }
 
@@ -160,4 +135,25 @@ fn argmax(values: &[f32]) -> Option<usize> {
 
 pub(super) fn uniform(n: usize, rng: &mut Rng) -> Option<usize> {
     (n > 0).then(|| rng.random_range(0..n))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rng::{Stream, stream};
+
+    #[test]
+    fn each_critic_has_its_turn_and_their_mean_decides_when_greedy() {
+        let by_critic = [vec![0.9, 0.5, 0.1], vec![0.1, 0.5, 0.8]];
+        let explore = Exploration::Critics { first: 0.0, last: 0.0, steps: 1 };
+        let mut taken = [0; 3];
+        for draw in 0..200 {
+            let rng = &mut stream(0, Stream::Explore, draw);
+            taken[explore.at(5).choose(&by_critic, rng).expect("three paths")] += 1;
+        }
+        assert!(taken[0] > 50 && taken[2] > 50 && taken[1] == 0, "{taken:?}");
+        let rng = &mut stream(0, Stream::Explore, 0);
+        assert_eq!(Exploration::Greedy.choose(&[vec![0.4, 0.5], vec![0.4, 0.1]], rng), Some(0));
+        assert_eq!(explore.choose(&[vec![], vec![]], rng), None, "no path");
+    }
 }

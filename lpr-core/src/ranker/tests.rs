@@ -10,7 +10,6 @@ fn settings() -> RankerSettings {
     RankerSettings {
         objective: Objective::TemporalDifference,
         acting_weights: ActingNetwork::Online,
-        tie: 0.0,
         input: RankerInput::Context,
         config_widths: vec![32, 64],
         head_widths: vec![32],
@@ -118,6 +117,91 @@ fn twin_critics_rank_by_their_mean_and_bootstrap_from_the_smaller() {
         ranker.targets(&[transition(&path, Some(&path), &context)]).expect("a valid batch")[0];
     assert_eq!(target, 0.7 + 0.99 * a.min(b));
     assert_eq!(ranker.values(&context, &[path]).expect("one path"), [(a + b) / 2.0]);
+}
+
+#[test]
+fn cross_entropy_is_its_formula_and_finite_however_sure_the_network_is() {
+    let device = Backend::Flex.device();
+    let logits = [-200.0_f32, -3.0, 0.0, 0.5, 4.0, 200.0];
+    for outcome in [0.0_f32, 1.0] {
+        let n = logits.len();
+        let found = values(cross_entropy(
+            tensor(logits.to_vec(), [n], &device),
+            tensor(vec![outcome; n], [n], &device),
+        ));
+        for (&logit, found) in logits.iter().zip(found) {
+            let p = 1.0 / (1.0 + (-f64::from(logit)).exp());
+            let (p, outcome) = (p.clamp(1e-87, 1.0 - 1e-16), f64::from(outcome));
+            let expected = -outcome * p.ln() - (1.0 - outcome) * (1.0 - p).ln();
+            let is_near = (f64::from(found) - expected).abs() < 1e-4 * (1.0 + expected);
+            assert!(is_near || logit.abs() > 30.0 && found.is_finite(), "{logit}: {found}");
+        }
+    }
+}
+
+#[test]
+fn outcomes_are_probabilities_that_rewards_and_next_paths_do_not_change() {
+    let settings = RankerSettings { objective: Objective::Outcome, ..settings() };
+    let context = context();
+    let [good, bad, other] = [0.6, -0.6, 0.1].map(bent_path);
+    let mut ranker = ranker(&settings, 8);
+    for _ in 0..200 {
+        let batch = [
+            RankerTransition { outcome: 1.0, ..transition(&good, Some(&other), &context) },
+            RankerTransition { reward: 9.0, ..transition(&bad, None, &context) },
+        ];
+        ranker.update(&batch).expect("a valid batch");
+    }
+    let values = ranker.values(&context, &[good, bad]).expect("two paths");
+    assert!(values[0] > 0.95 && values[0] <= 1.0, "{values:?}");
+    assert!(values[1] < 0.05 && values[1] >= 0.0, "{values:?}");
+}
+
+#[test]
+fn a_running_mean_ranks_where_it_is_asked_to() {
+    let settings = RankerSettings { acting_weights: ActingNetwork::Target, ..settings() };
+    let (mut ranker, context, path) = (ranker(&settings, 8), context(), bent_path(0.3));
+    let value = |ranker: &Ranker| {
+        ranker.values(&context, core::slice::from_ref(&path)).expect("one path")[0]
+    };
+    let before = value(&ranker);
+    let online = ranker.online.clone();
+    ranker.update(&[transition(&path, None, &context)]).expect("a valid batch");
+    let after = value(&ranker);
+    // The same update read from the weights that gradients change moves the value farther.
+    ranker.settings.acting_weights = ActingNetwork::Online;
+    let moved = value(&ranker);
+    assert!((after - before).abs() < 0.2 * (moved - before).abs(), "{before} {after} {moved}");
+    ranker.online = online;
+    assert_eq!(value(&ranker), before);
+}
+
+#[test]
+fn the_same_motion_elsewhere_is_the_same_input_where_motion_is() {
+    // The first joint of the Panda turns it about the vertical.
+    const YAW: f32 = 0.4;
+    let context = context();
+    let path = bent_path(0.3);
+    let turn = Pose3::from_rotation(Quat::from_rotation_z(YAW));
+    let goal = NextBestPose { pose: turn * context.goal.pose, ..context.goal };
+    let turned_context = RankerContext { goal, ..context };
+    let configs = path.path.configs().iter().map(|config| {
+        let mut turned = *config;
+        turned[0] += YAW;
+        turned
+    });
+    let turned = JointPath::new(configs.collect()).expect("eight configurations");
+    let turned = RankedPath { path: turned, collides: false };
+    let change = |input| {
+        let ranker = ranker(&RankerSettings { input, ..settings() }, 4);
+        let value = |context, path| ranker.values(context, &[path]).expect("one path")[0];
+        (value(&context, path.clone()) - value(&turned_context, turned.clone())).abs()
+    };
+    assert!(change(RankerInput::Motion) < 1e-4, "{}", change(RankerInput::Motion));
+    for input in [RankerInput::Joints, RankerInput::Context, RankerInput::Grip, RankerInput::Chord]
+    {
+        assert!(change(input) > 1e-3, "{input:?}: {}", change(input));
+    }
 }
 
 #[test]

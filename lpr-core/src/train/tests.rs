@@ -1,11 +1,14 @@
 use super::*;
+use crate::agent::Exploration;
+use crate::demo::PathStarts;
 use crate::env::{EPISODE_LENGTH, Fault, InvalidAction};
 use crate::error::Error;
 use crate::evaluate::{Evaluation, best_of_all, evaluate, measure_regret};
 use crate::learner::Row;
-use crate::path::JointPath;
+use crate::path::{JointPath, Refinement};
 use crate::perception::Observation;
-use crate::q_attention::NextBestPose;
+use crate::q_attention::{ActingNetwork, NextBestPose};
+use crate::ranker::{Critics, Objective, RankerInput};
 use crate::robot::{Gripper, PANDA, Robot};
 use crate::toy::Toy;
 use std::sync::Arc;
@@ -106,6 +109,47 @@ fn fingerprint(seed: u64, n_steps: u64) -> (Vec<(&'static str, u32)>, Vec<u8>) {
         .map(|(name, value)| (name, value.to_bits()))
         .collect();
     (metrics, trainer.checkpoint().expect("a small seed").weights)
+}
+
+#[test]
+fn outcomes_two_critics_and_a_second_round_of_curves_learn_the_toy_too() {
+    let mut config = config();
+    config.ranker.objective = Objective::Outcome;
+    config.ranker.input = RankerInput::Motion;
+    config.ranker.critics = Critics::Twin;
+    config.ranker.acting_weights = ActingNetwork::Target;
+    config.training.exploration = Exploration::Critics { first: 0.2, last: 0.02, steps: 200 };
+    config.candidates.refinement = Some(Refinement { best: 2, paths: 4, sigma: 0.02 });
+    let trained = |n_threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
+        pool.install(|| {
+            let mut trainer = trainer(config.clone(), Method::Lpr, 0);
+            train(&mut trainer, 250);
+            score(&trainer)
+        })
+    };
+    let learned = trained(1);
+    assert!(learned.success_rate() > 0.85, "{learned:?}");
+    assert_eq!(learned.success_rate(), trained(2).success_rate());
+}
+
+#[test]
+fn later_starts_of_a_demonstration_teach_no_path_where_each_motion_counts_once() {
+    let rows = |starts: PathStarts| {
+        let mut config = config();
+        config.demos.path_starts = starts;
+        let mut trainer =
+            Trainer::new(config, run(Method::Lpr, 0), Toy::new(&PANDA).unwrap()).unwrap();
+        let whole = Toy::new(&PANDA).unwrap().demonstration(demonstration_scene(0, 0)).unwrap();
+        let later = DemoEpisode { start: 10, ..whole.clone() };
+        for demo in [&whole, &later] {
+            trainer.add_demonstration(demo).unwrap();
+        }
+        (trainer.learner.n_transitions(), whole.steps.len() as u64)
+    };
+    let (every, n_steps) = rows(PathStarts::Every);
+    assert_eq!(every, 2 * n_steps);
+    assert_eq!(rows(PathStarts::First).0, n_steps);
 }
 
 #[test]

@@ -178,6 +178,34 @@ fn checks_on_give_free_paths_and_checks_off_straight_ones() {
 }
 
 #[test]
+fn curves_around_a_curve_stay_near_it_and_are_those_of_their_draws() {
+    let (robot, scene) = (stick_arm(), Scene::empty());
+    let query = query(&robot, &scene, goal(&robot, [-0.1, 0.25, -0.2]));
+    let around = |sigma: f32| {
+        let refinement = Some(Refinement { best: 1, paths: 5, sigma });
+        let settings = CandidateSettings { refinement, path_len: 30, ..settings() };
+        let mut set = candidates(&query, &settings, STREAMS);
+        let n = set.candidates.len();
+        let is_curve = |&idx: &usize| set.candidates[idx].source == Source::Bezier;
+        let center = (0..n).find(is_curve).expect("a curve");
+        let further = PathSampler::new(&query, &settings, STREAMS).curves_around(&set, &[center]);
+        set.add(further);
+        let middle = |idx: usize| robot.grip(&set.candidates[idx].path.configs()[15]).translation;
+        (n..set.candidates.len())
+            .map(|idx| middle(idx).distance(middle(center)))
+            .collect::<Vec<_>>()
+    };
+    let near = around(0.01);
+    assert!(near.len() >= 4 && near.iter().all(|&off| off < 0.03), "{near:?}");
+    assert_eq!(near, around(0.01));
+    let far = around(0.1);
+    assert!(far.iter().any(|&off| off > 0.03), "{far:?}");
+    let none = settings();
+    let sampler = PathSampler::new(&query, &none, STREAMS);
+    assert!(sampler.curves_around(&candidates(&query, &none, STREAMS), &[0]).outcomes.is_empty());
+}
+
+#[test]
 fn a_pose_out_of_reach_is_unreachable_for_every_path() {
     let (robot, scene) = (stick_arm(), Scene::empty());
     let query = query(&robot, &scene, goal(&robot, [3.0, 0.0, 0.0]));
@@ -349,6 +377,20 @@ fn an_unknown_planner_is_named_with_those_that_there_are() {
 fn settings_out_of_range_are_named() {
     assert_eq!(settings().check(), Ok(()));
     for (settings, name) in [
+        (
+            CandidateSettings {
+                refinement: Some(Refinement { best: 0, paths: 5, sigma: 0.1 }),
+                ..settings()
+            },
+            "refinement.best",
+        ),
+        (
+            CandidateSettings {
+                refinement: Some(Refinement { best: 1, paths: 20_000, sigma: 0.1 }),
+                ..settings()
+            },
+            "refinement.paths",
+        ),
         (CandidateSettings { path_len: 1, ..settings() }, "path_len"),
         (
             CandidateSettings { planner_collision_free_fraction: 1.5, ..settings() },
