@@ -13,7 +13,8 @@
 //!   them with other samples of `RRTConnect`; a path that comes out twice is kept once.
 //! - The policy's path is moved onto the exact start and goal, and must keep the joint limits.
 //! - The planner is a setting; every preset has `RRTConnect`.
-//! - A screw motion of the grip can be asked for besides; no preset does.
+//! - A screw motion of the grip can be asked for besides, and a second round of curves around the
+//!   candidates that the ranker values most ([`Refinement`]); no preset does.
 
 mod baseline;
 mod query;
