@@ -36,11 +36,11 @@ use crate::path::{
 };
 use crate::perception::{Observation, Proprio};
 use crate::q_attention::{ActingNetwork, NextBestPose, QAttention, QObservation};
-use crate::ranker::{RankedPath, RankerContext};
+use crate::ranker::{RankedPath, RankerContext, means};
 use crate::rng::{Stream, stream};
 use crate::robot::Robot;
 use crate::scene::{ArmSpheres, Held, MotionChecker, Scene, observed_obstacles};
-use exploration::{mean, uniform};
+use exploration::uniform;
 use std::sync::Arc;
 
 /// The agent of Algorithm 1: networks, and the settings of everything around them.
@@ -149,7 +149,7 @@ impl Agent {
         // Line 12: ξ* ← argmax Q^R(Ξ).
         let by_critic = self.values(&set, proprio, *pose)?;
         let chosen = self.choose(&set, by_critic.as_deref(), draws);
-        Ok(Action::new(goal, set, by_critic.as_deref().map(mean), chosen))
+        Ok(Action::new(goal, set, by_critic.as_deref().map(means), chosen))
     }
 
     /// Line 13: runs the chosen path in `environment`.
@@ -267,7 +267,7 @@ impl Agent {
     ) -> Result<CandidateSet> {
         let Some(refinement) = self.candidate_settings().refinement else { return Ok(set) };
         let Some(by_critic) = self.values(&set, proprio, goal)? else { return Ok(set) };
-        let values = mean(&by_critic);
+        let values = means(&by_critic);
         let mut order: Vec<_> = (0..values.len()).collect();
         order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
         order.truncate(refinement.best);

@@ -13,7 +13,9 @@
 //!   value. [`RankerInput::Joints`] is the paper's. [`RankerInput::Grip`] adds for every
 //!   configuration the pose of the grip in the frame of the next-best pose, by forward kinematics:
 //!   a path that turns a hinge is then the same set of numbers wherever the hinge stands, which ten
-//!   demonstrations need.
+//!   demonstrations need. [`RankerInput::Chord`] adds how far off the straight line it is, and
+//!   [`RankerInput::Motion`] leaves out joints and places.
+//! - A running mean of the weights may rank ([`RankerSettings::acting_weights`]).
 //! - Joint angles are scaled so that the limits are ±1; the paper does not say how they enter.
 //! - The paper calls the network "the path policy" where it describes it; it is the ranker's.
 //! - [`Objective::Outcome`] reads values as probabilities and fits them to what came of the episode:
@@ -232,8 +234,7 @@ impl Ranker {
     ///
     /// [`Error::Shape`] when the paths differ in length.
     pub fn values(&self, context: &RankerContext, paths: &[RankedPath]) -> Result<Vec<f32>> {
-        let per_critic = self.values_by_critic(context, paths)?;
-        Ok((0..paths.len()).map(|idx| mean(&per_critic, idx)).collect())
+        Ok(means(&self.values_by_critic(context, paths)?))
     }
 
     /// The value of each path by each value network: [`Self::values`] are their means.
@@ -321,7 +322,7 @@ impl Ranker {
             .reduce(Tensor::add)
             .expect("a ranker has at least one critic");
         let gradients = parameter_gradients(&leaves, loss.backward());
-        let values = (0..n).map(|idx| mean(&per_critic, idx)).collect();
+        let values = means(&per_critic);
         Ok(Half { loss: loss.into_scalar(), values, gradients })
     }
 
@@ -427,9 +428,13 @@ fn cross_entropy(logits: Tensor<1>, outcomes: Tensor<1>) -> Tensor<1> {
     relu(logits.clone()) - outcomes * logits + tail
 }
 
-/// Mean over critics of the value of path `idx`.
-fn mean(per_critic: &[Vec<f32>], idx: usize) -> f32 {
-    per_critic.iter().map(|values| values[idx]).sum::<f32>() / per_critic.len() as f32
+/// Mean over critics of the value of each path.
+pub(crate) fn means(per_critic: &[Vec<f32>]) -> Vec<f32> {
+    let n_paths = per_critic.first().map_or(0, Vec::len);
+    let mean = |idx: usize| {
+        per_critic.iter().map(|values| values[idx]).sum::<f32>() / per_critic.len() as f32
+    };
+    (0..n_paths).map(mean).collect()
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@
 
 use crate::check::setting;
 use crate::error::Result;
+use crate::ranker::means;
 use crate::rng::Rng;
 
 use rand::RngExt as _;
@@ -93,7 +94,7 @@ impl Exploration {
     /// Index of the path to run by the values of each critic; the first of those with the highest
     /// mean when greedy.
     pub(super) fn choose(self, by_critic: &[Vec<f32>], rng: &mut Rng) -> Option<usize> {
-        let values = &mean(by_critic);
+        let values = &means(by_critic);
         match self {
             Self::Critics { last, .. } => {
                 if rng.random::<f32>() < last {
@@ -116,15 +117,6 @@ impl Exploration {
             }
         }
     }
-}
-
-/// Mean over the critics of the value of each path.
-pub(super) fn mean(by_critic: &[Vec<f32>]) -> Vec<f32> {
-    let n_paths = by_critic.first().map_or(0, Vec::len);
-    let mean = |idx: usize| {
-        by_critic.iter().map(|values| values[idx]).sum::<f32>() / by_critic.len() as f32
-    };
-    (0..n_paths).map(mean).collect()
 }
 
 /// Index of the first of the highest values.

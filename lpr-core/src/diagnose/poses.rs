@@ -5,10 +5,9 @@ use crate::agent::{Agent, Eyes};
 use crate::in_order::map_in_order;
 use crate::perception::Observation;
 use crate::q_attention::{
-    ActionCodec, DiscreteAction, NextBestPose, QAttention, QDecision, RotationCodec,
+    ActionCodec, DiscreteAction, NextBestPose, QAttention, QDecision, RotationCodec, half_turned,
 };
 
-use core::f32::consts::PI;
 use glamx::{Quat, Vec3};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -116,7 +115,7 @@ impl PoseError {
 
 /// The rotation, and the other of the same grasp.
 fn equivalent(rotation: Quat) -> [Quat; 2] {
-    [rotation, rotation * Quat::from_rotation_z(PI)]
+    [rotation, half_turned(rotation)]
 }
 
 /// Degrees.
@@ -297,6 +296,7 @@ fn summary(keyframe: usize, choices: &[&Choice]) -> KeyframePoses {
 mod tests {
     use super::*;
     use crate::robot::Gripper;
+    use core::f32::consts::PI;
     use glamx::Pose3;
 
     const CODEC: RotationCodec = RotationCodec { n_bins: 72 };

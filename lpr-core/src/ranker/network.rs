@@ -4,6 +4,7 @@ use super::{Critics, RankedPath, RankerContext, RankerInput, RankerSample, Ranke
 use crate::error::{Error, Result};
 use crate::features::{GOAL_FEATURES, JointScale, POSE_FEATURES, goal_features, pose_features};
 use crate::nn::{Mlp, Spread, tensor, values};
+use crate::path::JointPath;
 use crate::rng::Rng;
 use crate::robot::{DOF, JointConfig, Robot};
 use std::sync::Arc;
@@ -183,7 +184,7 @@ impl Encoding {
             // The maximum over the configurations forgets their order: the head is told the start.
             context.extend(grip_features(&grips[0]));
             if self.input != RankerInput::Grip {
-                context.extend(length_features(path, &grips));
+                context.extend(length_features(&sample.path.path, &grips));
             }
         }
         let dims = [samples.len(), path_len];
@@ -231,13 +232,12 @@ fn chord_features(idx: usize, grips: &[Pose3]) -> [f32; CHORD_FEATURES] {
     [idx as f32 / (grips.len() - 1).max(1) as f32, x, y, z]
 }
 
-fn length_features(path: &[JointConfig], grips: &[Pose3]) -> [f32; LENGTH_FEATURES] {
+fn length_features(path: &JointPath, grips: &[Pose3]) -> [f32; LENGTH_FEATURES] {
     let [first, last] = [&grips[0], &grips[grips.len() - 1]];
     let way = grips.windows(2).map(|pair| pair[0].translation.distance(pair[1].translation));
     let chord = first.translation.distance(last.translation);
     let turn = grips.windows(2).map(|pair| pair[0].rotation.angle_between(pair[1].rotation));
-    let joints = path.windows(2).map(|pair| pair[0].distance(&pair[1]));
-    [way.sum::<f32>() / GRIP_SCALE, chord / GRIP_SCALE, turn.sum(), joints.sum()]
+    [way.sum::<f32>() / GRIP_SCALE, chord / GRIP_SCALE, turn.sum(), path.length()]
 }
 
 /// The number of configurations of every path.
