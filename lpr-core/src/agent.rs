@@ -35,6 +35,7 @@ use crate::path::{
     RejectedPath, Rejection, Source, c2farm_path, linear_candidate,
 };
 use crate::perception::{Observation, Proprio};
+use crate::policy::Proposal;
 use crate::q_attention::{ActingNetwork, NextBestPose, QAttention, QObservation};
 use crate::ranker::{RankedPath, RankerContext, means};
 use crate::rng::{Stream, stream};
@@ -124,7 +125,8 @@ impl Agent {
         let scene = self.obstacles(&goal.observation, pose);
         let query =
             PathQuery { robot: &self.robot, start: proprio.joints, goal: pose.pose, scene: &scene };
-        let set = match self.method {
+        let mut sampler = None;
+        let mut set = match self.method {
             // At most one candidate.
             Method::C2fArm => single(
                 Source::Planner,
@@ -134,7 +136,11 @@ impl Agent {
                 single(Source::Linear, linear_candidate(&query, self.candidate_settings()))
             }
             Method::Lpr | Method::LprNoPolicy | Method::ShortestFree | Method::Random => {
-                let paths = PathSampler::new(&query, self.candidate_settings(), draws.streams);
+                let paths = sampler.insert(PathSampler::new(
+                    &query,
+                    self.candidate_settings(),
+                    draws.streams,
+                ));
                 // Line 8: [ξ^m_1, …, ξ^m_M] ← f_m(z_t, g_t, M).
                 let planned = paths.planner_paths();
                 // Line 9: [ξ^b_1, …, ξ^b_B] ← f_b(z_t, g_t, B).
@@ -142,12 +148,14 @@ impl Agent {
                 // Line 10: ξ^π ← π(o_t, g_t); the next line adds it if it is valid.
                 let proposed = self.policy_path(proprio, pose)?;
                 // Line 11: Ξ ← [ξ^m_1, …, ξ^m_M, ξ^b_1, …, ξ^b_B, ξ^π].
-                let set = paths.join(planned, curved, proposed.as_ref());
-                self.refined(&paths, set, proprio, *pose)?
+                paths.join(planned, curved, proposed)
             }
         };
         // Line 12: ξ* ← argmax Q^R(Ξ).
-        let by_critic = self.values(&set, proprio, *pose)?;
+        let mut by_critic = self.values(&set.candidates, proprio, *pose)?;
+        if let (Some(by_critic), Some(sampler)) = (&mut by_critic, &sampler) {
+            self.refine(sampler, &mut set, by_critic, &goal)?;
+        }
         let chosen = self.choose(&set, by_critic.as_deref(), draws);
         Ok(Action::new(goal, set, by_critic.as_deref().map(means), chosen))
     }
@@ -249,42 +257,45 @@ impl Agent {
     }
 
     /// Line 10: the policy's path to the goal configuration nearest to the start.
-    fn policy_path(&self, proprio: &Proprio, goal: &NextBestPose) -> Result<Option<JointPath>> {
+    fn policy_path(&self, proprio: &Proprio, goal: &NextBestPose) -> Result<Option<Proposal>> {
         let Some(policy) = &self.networks.policy else { return Ok(None) };
         let start = &proprio.joints;
         let Some(goal_config) = self.robot.ik_nearest(&goal.pose, start) else { return Ok(None) };
         policy.path(start, &goal_config, goal, self.candidate_settings().path_len).map(Some)
     }
 
-    /// `set` with further curves around its best, where they are asked for: a second round of the
-    /// cross-entropy method.
-    fn refined(
+    /// Adds curves around the best of `set`, with their values, where they are asked for: a second
+    /// round of the cross-entropy method.
+    fn refine(
         &self,
         paths: &PathSampler<'_>,
-        mut set: CandidateSet,
-        proprio: &Proprio,
-        goal: NextBestPose,
-    ) -> Result<CandidateSet> {
-        let Some(refinement) = self.candidate_settings().refinement else { return Ok(set) };
-        let Some(by_critic) = self.values(&set, proprio, goal)? else { return Ok(set) };
-        let values = means(&by_critic);
+        set: &mut CandidateSet,
+        by_critic: &mut [Vec<f32>],
+        goal: &Goal,
+    ) -> Result<()> {
+        let Some(refinement) = self.candidate_settings().refinement else { return Ok(()) };
+        let values = means(by_critic);
         let mut order: Vec<_> = (0..values.len()).collect();
         order.sort_by(|&a, &b| values[b].total_cmp(&values[a]));
         order.truncate(refinement.best);
-        let further = paths.curves_around(&set, &order);
-        set.add(further);
-        Ok(set)
+        set.add(paths.curves_around(set, &order));
+        let added = &set.candidates[values.len()..];
+        let added = self.values(added, &goal.observation.proprio, goal.pose)?;
+        for (values, added) in by_critic.iter_mut().zip(added.into_iter().flatten()) {
+            values.extend(added);
+        }
+        Ok(())
     }
 
     /// Line 12: value of every candidate by each critic; none without a ranker.
     fn values(
         &self,
-        set: &CandidateSet,
+        candidates: &[CandidatePath],
         proprio: &Proprio,
         goal: NextBestPose,
     ) -> Result<Option<Vec<Vec<f32>>>> {
         let Some(ranker) = &self.networks.ranker else { return Ok(None) };
-        let paths = set.candidates.iter().map(|candidate| RankedPath {
+        let paths = candidates.iter().map(|candidate| RankedPath {
             path: candidate.path.clone(),
             collides: candidate.collides,
         });

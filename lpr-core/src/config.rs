@@ -279,7 +279,7 @@ mod tests {
         assert!(refusal("bezier_paths", "bezeir_paths").contains("bezeir_paths"));
         assert!(refusal("voxels_per_side = 16\n", "").contains("voxels_per_side"));
         assert!(refusal("[policy]", "[polcy]").contains("polcy"));
-        assert!(refusal("kind = \"epsilon\"", "kind = \"greedily\"").contains("greedily"));
+        assert!(refusal("kind = \"critics\"", "kind = \"greedily\"").contains("greedily"));
         assert!(Config::preset("quick").expect_err("unknown").to_string().contains("fast, paper"));
     }
 

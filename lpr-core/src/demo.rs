@@ -47,6 +47,10 @@ pub struct DemoSettings {
     /// Starts from which ranker and policy learn; Q-attention learns from all.
     #[serde(default)]
     pub path_starts: PathStarts,
+    /// When the ranker is shown other candidates of each demonstrated way, as failures:
+    /// demonstrations hold only paths that work.
+    #[serde(default)]
+    pub alternatives: Alternatives,
     /// Fewest frames between a start and its first keyframe (released LPR: the length of a path,
     /// 10; C2F-ARM: 1).
     pub min_start_distance: usize,
@@ -62,6 +66,19 @@ pub enum PathStarts {
     Every,
     /// The whole demonstration only: each motion once.
     First,
+}
+
+/// Updates that show the ranker an alternative beside each demonstrated way that they draw.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Alternatives {
+    /// None.
+    #[default]
+    Never,
+    /// Those on demonstrations alone.
+    First,
+    /// All.
+    Always,
 }
 
 /// A demonstration from one of its frames on, as a chain of keyframes; demo augmentation makes
@@ -108,7 +125,7 @@ pub struct DemoTransition {
 /// last one is dropped.
 ///
 /// ```
-/// use lpr_core::demo::{DemoFrame, DemoSettings, PathStarts, augment_demo, discover_keyframes};
+/// use lpr_core::demo::{Alternatives, DemoFrame, DemoSettings, PathStarts, augment_demo, discover_keyframes};
 /// use lpr_core::robot::PANDA;
 ///
 /// // Twenty frames of a moving arm, whose gripper closes in the twelfth.
@@ -120,7 +137,7 @@ pub struct DemoTransition {
 ///     grip: PANDA.grip(&PANDA.start),
 /// };
 /// let frames: Vec<DemoFrame> = (0..20).map(frame).collect();
-/// let settings = DemoSettings { stopped_speed: 0.1, stop_cooldown: 4, start_interval: 10, path_starts: PathStarts::Every, min_start_distance: 1 };
+/// let settings = DemoSettings { stopped_speed: 0.1, stop_cooldown: 4, start_interval: 10, path_starts: PathStarts::Every, alternatives: Alternatives::Never, min_start_distance: 1 };
 /// assert_eq!(discover_keyframes(&frames, &settings), [12, 19]);
 ///
 /// let transitions = augment_demo(&frames, &settings);
@@ -209,6 +226,7 @@ mod tests {
         stop_cooldown: 4,
         start_interval: 10,
         path_starts: PathStarts::Every,
+        alternatives: Alternatives::Never,
         min_start_distance: 1,
     };
 

@@ -14,10 +14,12 @@
 
 use crate::error::{Error, Result};
 use crate::networks::Networks;
+use crate::path::CandidateStreams;
 use crate::q_attention::{QAttention, QObservation, QSample};
 use crate::replay::{Draw, Replay, ReplaySettings, Step, Transition};
 use crate::rng::{Rng, Stream, stream};
 
+use rand::RngExt as _;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -141,6 +143,13 @@ impl Learner {
         if paths > scenes { paths } else { scenes }
     }
 
+    /// Streams of the alternatives to the demonstrated way with that number.
+    pub(crate) const fn demonstration_streams(&self, number: u64) -> CandidateStreams {
+        /// Numbers of the draws that no environment step takes.
+        const DEMONSTRATIONS: u64 = 1 << 38;
+        CandidateStreams { seed: self.seed, step: DEMONSTRATIONS | number }
+    }
+
     /// Updates so far.
     #[must_use]
     pub const fn updates(&self) -> UpdateCounts {
@@ -177,7 +186,8 @@ impl Learner {
         }))
     }
 
-    /// Lines 18–20: one gradient step of the policy and one of the ranker.
+    /// Lines 18–20: one gradient step of the policy and one of the ranker, which sees an alternative
+    /// of each demonstrated way beside it `with_alternatives`.
     ///
     /// # Errors
     ///
@@ -186,6 +196,7 @@ impl Learner {
         &mut self,
         networks: &mut Networks,
         batch_size: usize,
+        with_alternatives: bool,
     ) -> Result<PathUpdate> {
         if networks.ranker.is_none() && networks.policy.is_none() {
             return Ok(PathUpdate { ranker: None, policy: None });
@@ -196,14 +207,24 @@ impl Learner {
         let policy_draws = self.successes.sample(batch_size, &mut self.generator(update, 1));
         let policy = self.update_policy(networks, &policy_draws)?;
         // Lines 19 and 20.
-        let draws = self.paths.sample(batch_size, &mut self.generator(update, 0));
+        let rng = &mut self.generator(update, 0);
+        let draws = self.paths.sample(batch_size, rng);
         let Some(ranker) = networks.ranker.as_mut().filter(|_| !draws.is_empty()) else {
             return Ok(PathUpdate { ranker: None, policy });
         };
-        let batch: Vec<_> =
+        let mut batch: Vec<_> =
             rows(&self.paths, &draws).map(|(row, weight)| row.for_ranker(weight)).collect();
+        if with_alternatives {
+            batch.extend(
+                rows(&self.paths, &draws).filter_map(|(row, weight)| {
+                    row.alternative(rng.random::<u32>() as usize, weight)
+                }),
+            );
+        }
         let report = ranker.update(&batch)?;
-        let errors: Vec<f32> = report.td_errors.iter().map(|error| error.abs()).collect();
+        // Priorities are of the rows, not of their alternatives.
+        let errors = report.td_errors.iter().take(draws.len());
+        let errors: Vec<f32> = errors.map(|error| error.abs()).collect();
         let td_errors = errors.iter().map(|&error| ("temporal difference", error));
         let numbers = td_errors.chain([("loss", report.loss)]);
         self.check("ranker", Batch::new(update, &draws), numbers)?;

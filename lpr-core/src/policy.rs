@@ -8,6 +8,10 @@
 //! exact from the first step on, and the untrained policy, whose last layer is zero, proposes the
 //! straight line.
 //!
+//! With [`PolicySpace::Grip`] it bends the straight line of the grip instead, seen from the next-best
+//! pose, and the arm follows: the arc of a hinge is then one and the same answer wherever the hinge
+//! stands.
+//!
 //! # Differences from the paper
 //!
 //! - The paper's network has `d` outputs and a path `T d` numbers; it does not say how the path
@@ -18,28 +22,34 @@
 //!   to end in the one that was chosen.
 //! - The loss is the mean over the batch, configurations and joints of the squared differences,
 //!   where the paper has their sum.
+//! - [`PolicySpace::Grip`] is not in the paper.
+
+mod encoding;
+
+pub use encoding::PolicySpace;
 
 use crate::error::{Error, Result};
-use crate::features::{GOAL_FEATURES, JointScale, goal_features};
 use crate::nn::{Adam, AdamSettings, AdamState, Backend, Mlp, NamedTensor, ParameterGradients};
 use crate::nn::{Spread, export, import, in_halves, parameter_gradients, sum_of_gradients};
 use crate::nn::{tensor, values};
-use crate::path::JointPath;
+use crate::path::{JointPath, Rejection};
 use crate::q_attention::{NetworkCost, NextBestPose};
 use crate::rng::Rng;
-use crate::robot::{DOF, JointConfig, Robot};
+use crate::robot::{JointConfig, Robot};
+use encoding::{Encoding, fraction};
+use std::sync::Arc;
 
 use burn::module::Module as _;
 use burn::tensor::Device;
 use serde::{Deserialize, Serialize};
 
-/// Numbers per configuration: start, goal configuration, next-best pose, fraction of the way.
-const INPUTS: usize = 2 * DOF + GOAL_FEATURES + 1;
-
 /// Settings of the policy: its network and its training.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PolicySettings {
+    /// What its outputs bend.
+    #[serde(default)]
+    pub space: PolicySpace,
     /// Output sizes of the layers without the last (one per joint): 64, 256, 256 in the paper.
     pub widths: Vec<usize>,
     /// Optimiser.
@@ -67,22 +77,16 @@ pub struct PolicyState {
     pub adam: AdamState,
 }
 
+/// The policy's path, or why the arm cannot follow what it proposes.
+pub type Proposal = core::result::Result<JointPath, Rejection>;
+
 /// The path policy with its optimiser.
 #[derive(Debug)]
 pub struct Policy {
-    joint_scale: JointScale,
+    encoding: Encoding,
     device: Device,
     network: Mlp,
     adam: Adam,
-}
-
-/// Input rows of the network with what turns its outputs into joint offsets.
-#[derive(Debug, Default)]
-struct Rows {
-    /// `[N, INPUTS]`.
-    inputs: Vec<f32>,
-    /// `4 s (1 - s)` per row.
-    bumps: Vec<f32>,
 }
 
 impl Policy {
@@ -93,7 +97,7 @@ impl Policy {
     /// [`Error::Config`] when a layer has no outputs.
     pub fn new(
         settings: &PolicySettings,
-        robot: &Robot,
+        robot: &Arc<Robot>,
         backend: Backend,
         rng: &mut Rng,
     ) -> Result<Self> {
@@ -102,16 +106,20 @@ impl Policy {
                 "policy.widths: every layer needs at least one output".to_owned(),
             ));
         }
-        let widths: Vec<_> =
-            [INPUTS].into_iter().chain(settings.widths.iter().copied()).chain([DOF]).collect();
+        let encoding = Encoding::new(settings.space, robot);
+        let widths: Vec<_> = [encoding.n_inputs()]
+            .into_iter()
+            .chain(settings.widths.iter().copied())
+            .chain([encoding.n_outputs()])
+            .collect();
         let device = backend.device();
         let network = Mlp::new(&widths, Spread::Zero, &device, rng);
         let adam = Adam::new(settings.adam, &network);
-        Ok(Self { joint_scale: JointScale::new(robot), device, network, adam })
+        Ok(Self { encoding, device, network, adam })
     }
 
     /// The path that the policy proposes from `start` to `goal_config`, which reaches `goal`, in
-    /// `n_configs` configurations.
+    /// `n_configs` configurations; in the space of the grip the arm may fail to follow.
     ///
     /// The caller tests that the path stays within the limits and is short enough to be ranked.
     ///
@@ -125,7 +133,7 @@ impl Policy {
         goal_config: &JointConfig,
         goal: &NextBestPose,
         n_configs: usize,
-    ) -> Result<JointPath> {
+    ) -> Result<Proposal> {
         if n_configs < 2 {
             let expected = "at least 2 configurations".to_owned();
             return Err(Error::Shape {
@@ -134,27 +142,21 @@ impl Policy {
                 found: n_configs.to_string(),
             });
         }
-        let mut rows = Rows::default();
-        self.push_rows(&mut rows, [start, goal_config], goal, n_configs);
-        let outputs =
-            values(self.network.forward(tensor(rows.inputs, [n_configs, INPUTS], &self.device)));
+        let ends = [start, goal_config];
+        let mut inputs = Vec::new();
+        self.encoding.push_inputs(&mut inputs, ends, goal, n_configs);
+        let inputs = tensor(inputs, [n_configs, self.encoding.n_inputs()], &self.device);
+        let mut outputs = values(self.network.forward(inputs));
         if let Some(output) = outputs.iter().find(|output| !output.is_finite()) {
             let found = format!("output {output}");
             return Err(Error::NotFinite { network: "policy", found });
         }
-        let configs =
-            outputs.chunks_exact(DOF).zip(&rows.bumps).enumerate().map(|(idx, (output, bump))| {
-                // The ends are exact even where the line's arithmetic is not.
-                match idx {
-                    0 => *start,
-                    _ if idx + 1 == n_configs => *goal_config,
-                    _ => {
-                        let line = start.lerp(goal_config, fraction(idx, n_configs));
-                        JointConfig::from_fn(DOF, |j| line[j] + bump * output[j])
-                    }
-                }
-            });
-        JointPath::new(configs.collect())
+        let n_outputs = self.encoding.n_outputs();
+        for (idx, row) in outputs.chunks_exact_mut(n_outputs).enumerate() {
+            let bump = bump(fraction(idx, n_configs));
+            row.iter_mut().for_each(|output| *output *= bump);
+        }
+        self.encoding.bent(ends, goal, &outputs)
     }
 
     /// Parameters, and operations of one forward pass of a path of `path_len` configurations.
@@ -189,52 +191,29 @@ impl Policy {
 
     /// Loss and gradients of some samples of a batch of `n_samples`.
     fn half(&self, batch: &[PolicySample<'_>], n_samples: usize) -> (f32, ParameterGradients) {
-        let mut rows = Rows::default();
+        let [n_inputs, n_outputs] = [self.encoding.n_inputs(), self.encoding.n_outputs()];
+        let (mut inputs, mut bumps) = (Vec::new(), Vec::new());
         let (mut offsets, mut weights) = (Vec::new(), Vec::new());
-        for sample in batch {
-            let configs = sample.path.configs();
-            self.push_rows(
-                &mut rows,
-                [sample.path.start(), sample.path.goal()],
-                sample.goal,
-                configs.len(),
-            );
+        for PolicySample { path, goal, weight } in batch {
+            let n_configs = path.configs().len();
+            self.encoding.push_inputs(&mut inputs, [path.start(), path.goal()], goal, n_configs);
+            self.encoding.push_offsets(&mut offsets, path, goal);
+            bumps.extend((0..n_configs).map(|idx| bump(fraction(idx, n_configs))));
             // The mean of each path, so that a path of many configurations counts no more than a
             // short one.
-            let weight = sample.weight / (n_samples * configs.len() * DOF) as f32;
-            weights.extend(configs.iter().map(|_| weight));
-            for (idx, config) in configs.iter().enumerate() {
-                let line =
-                    sample.path.start().lerp(sample.path.goal(), fraction(idx, configs.len()));
-                offsets.extend(config.iter().zip(line.iter()).map(|(q, on_line)| q - on_line));
-            }
+            let weight = weight / (n_samples * n_configs * n_outputs) as f32;
+            weights.extend((0..n_configs).map(|_| weight));
         }
 
         let n = weights.len();
         let device = self.device.clone().autodiff();
         let leaves = self.network.clone().train();
-        let outputs = leaves.forward(tensor(rows.inputs, [n, INPUTS], &device));
-        let predicted = outputs * tensor(rows.bumps, [n, 1], &device);
-        let squares = (predicted - tensor(offsets, [n, DOF], &device)).square();
+        let outputs = leaves.forward(tensor(inputs, [n, n_inputs], &device));
+        let predicted = outputs * tensor(bumps, [n, 1], &device);
+        let squares = (predicted - tensor(offsets, [n, n_outputs], &device)).square();
         let loss = (squares * tensor(weights, [n, 1], &device)).sum();
         let gradients = parameter_gradients(&leaves, loss.backward());
         (loss.into_scalar(), gradients)
-    }
-
-    fn push_rows(
-        &self,
-        rows: &mut Rows,
-        ends: [&JointConfig; 2],
-        goal: &NextBestPose,
-        n_configs: usize,
-    ) {
-        let [start, end] = ends.map(|config| self.joint_scale.apply(config));
-        let goal = goal_features(goal);
-        for idx in 0..n_configs {
-            let s = fraction(idx, n_configs);
-            rows.inputs.extend(start.iter().chain(&end).chain(&goal).chain(&[2.0 * s - 1.0]));
-            rows.bumps.push(4.0 * s * (1.0 - s));
-        }
     }
 
     /// State of the policy, for a checkpoint.
@@ -256,9 +235,9 @@ impl Policy {
     }
 }
 
-/// Fraction of the way of configuration `idx`.
-fn fraction(idx: usize, n_configs: usize) -> f32 {
-    idx as f32 / (n_configs - 1) as f32
+/// `4 s (1 - s)`: nothing at the ends, 1 in the middle.
+fn bump(s: f32) -> f32 {
+    4.0 * s * (1.0 - s)
 }
 
 #[cfg(test)]
@@ -267,13 +246,14 @@ mod tests {
     use crate::features::golden::GoldenGoal;
     use crate::nn::GradientClip;
     use crate::nn::golden::{assert_close, assert_tensors_close};
+    use crate::path::ScrewMotion;
     use crate::rng::{Stream, stream};
-    use crate::robot::{Gripper, PANDA};
+    use crate::robot::{DOF, Gripper, PANDA};
     use glamx::{Pose3, Quat, Vec3};
 
     fn settings() -> PolicySettings {
         let adam = AdamSettings { learning_rate: 3e-3, l2: 0.0, clip: GradientClip::None };
-        PolicySettings { widths: vec![32, 64, 64], adam }
+        PolicySettings { space: PolicySpace::Joints, widths: vec![32, 64, 64], adam }
     }
 
     fn policy(seed: u64) -> Policy {
@@ -309,7 +289,8 @@ mod tests {
     #[test]
     fn the_untrained_policy_proposes_the_straight_line() {
         let end = PANDA.start.map(|q| q + 0.3);
-        let path = policy(1).path(&PANDA.start, &end, &goal(), 9).expect("a path");
+        let path =
+            policy(1).path(&PANDA.start, &end, &goal(), 9).expect("numbers").expect("a path");
         for (idx, config) in path.configs().iter().enumerate() {
             assert!(config.max_joint_distance(&PANDA.start.lerp(&end, idx as f32 / 8.0)) < 1e-6);
         }
@@ -322,7 +303,10 @@ mod tests {
         let batch = [PolicySample { path: &demonstrated, goal: &goal, weight: 1.0 }];
         let mut policy = policy(2);
         let propose = |policy: &Policy, n| {
-            policy.path(demonstrated.start(), demonstrated.goal(), &goal, n).expect("a path")
+            policy
+                .path(demonstrated.start(), demonstrated.goal(), &goal, n)
+                .expect("numbers")
+                .expect("a path")
         };
         let before = largest_difference(&propose(&policy, 12), &demonstrated);
         for _ in 0..200 {
@@ -338,6 +322,58 @@ mod tests {
         // The same curve in another number of configurations.
         let finer = largest_difference(&propose(&policy, 23), &arc(23));
         assert!(finer < 0.04, "{finer} rad");
+    }
+
+    /// A turn of the grip by 0.7 rad about a hinge 25 cm from it, where the arm starts at `start`.
+    fn hinge(start: &JointConfig) -> (JointPath, NextBestPose, Pose3) {
+        let grip = PANDA.grip(start);
+        let hinge = grip * Pose3::from_translation(Vec3::new(0.0, -0.25, 0.0));
+        let direction = grip.rotation * Vec3::Z;
+        let point = hinge.translation;
+        let screw = ScrewMotion { start: grip, point, direction, angle: 0.7, slide: 0.0 };
+        let path = screw.to_joints(&PANDA, start).expect("within reach").resample(30);
+        (path, NextBestPose { pose: screw.pose(1.0), gripper: Gripper::Open }, hinge)
+    }
+
+    #[test]
+    fn in_the_space_of_the_grip_an_arc_is_followed_wherever_its_hinge_stands() {
+        let settings = PolicySettings { space: PolicySpace::Grip, ..settings() };
+        let init = &mut stream(2, Stream::Init, 1);
+        let mut policy =
+            Policy::new(&settings, &PANDA, Backend::Flex, init).expect("valid settings");
+        let (demonstrated, goal, _) = hinge(&PANDA.start);
+        let batch = [PolicySample { path: &demonstrated, goal: &goal, weight: 1.0 }];
+        // Elsewhere, and with the hand half turned.
+        let mut starts = [PANDA.start; 3];
+        starts[1][0] += 0.3;
+        starts[2][0] -= 0.3;
+        starts[2][DOF - 1] -= core::f32::consts::PI;
+        let off_arc = |policy: &Policy, start: &JointConfig| {
+            let (truth, mut goal, hinge) = hinge(&PANDA.start);
+            let mut upright = *start;
+            upright[DOF - 1] = PANDA.start[DOF - 1];
+            let moved = PANDA.grip(&upright) * PANDA.grip(&PANDA.start).inverse();
+            let turn = moved.rotation;
+            let goal_config =
+                JointConfig::from_fn(DOF, |j| truth.goal()[j] + start[j] - PANDA.start[j]);
+            goal.pose = PANDA.grip(&goal_config);
+            let found = policy.path(start, &goal_config, &goal, truth.configs().len());
+            let found = found.expect("numbers").expect("a path");
+            let hinge = (moved * hinge).translation;
+            let radius = |config: &JointConfig| {
+                let lever = PANDA.grip(config).translation - hinge;
+                let along = turn * PANDA.grip(&PANDA.start).rotation * Vec3::Z;
+                (lever - lever.dot(along) * along).length()
+            };
+            found.configs().iter().fold(0.0, |most: f32, q| most.max((radius(q) - 0.25).abs()))
+        };
+        let before = off_arc(&policy, &starts[1]);
+        for _ in 0..300 {
+            policy.update(&batch).expect("a valid batch");
+        }
+        let after = starts.map(|start| off_arc(&policy, &start));
+        assert!(before > 0.01, "a straight line is {before} m off");
+        assert!(after.iter().all(|&off| off < 0.002), "{after:?} m off");
     }
 
     #[test]
@@ -406,8 +442,10 @@ mod tests {
                 .map(|sample| (path_of(sample), sample.goal.next_best_pose()))
                 .collect();
             let (path, goal) = &owned[0];
-            let found =
-                policy.path(path.start(), path.goal(), goal, case.path.len()).expect("a path");
+            let found = policy
+                .path(path.start(), path.goal(), goal, case.path.len())
+                .expect("numbers")
+                .expect("a path");
             for (found, expected) in found.configs().iter().zip(&case.path) {
                 assert_close("path", found, expected, 1e-5);
             }

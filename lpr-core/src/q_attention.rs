@@ -12,6 +12,8 @@ mod loss;
 mod network;
 mod next_best_pose;
 mod observation;
+#[cfg(feature = "learn")]
+mod position;
 mod settings;
 
 pub use action::{ActionCodec, DiscreteAction, RotationCodec, canonical};
@@ -26,7 +28,7 @@ pub use grasp::{HalfTurn, Hand, canonical_grasp, half_turned};
 pub use network::{Heads, NetworkCost, NetworkInput, PoseValues, QNetwork, QValues, UNet};
 pub use next_best_pose::NextBestPose;
 pub use observation::{QObservation, StoredPoint};
-pub use settings::{Imitation, NetworkSettings, QAttentionSettings};
+pub use settings::{Imitation, NetworkSettings, Places, Position, QAttentionSettings};
 
 #[cfg(all(test, feature = "learn"))]
 mod tests;

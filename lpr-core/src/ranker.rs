@@ -60,7 +60,7 @@ pub enum RankerInput {
     /// straight line between the ends it is; for the head the lengths of the path.
     Chord,
     /// [`Self::Chord`] without joints and without places in the world: the same motion towards the
-    /// same pose is the same input wherever it happens.
+    /// same pose is the same input wherever it happens, also with the hand half turned.
     Motion,
 }
 
@@ -83,7 +83,25 @@ pub enum Critics {
     Single,
     /// Two: targets use the smaller value, ranking the mean, as in the released code.
     Twin,
+    /// That many: targets use the smallest value, ranking the mean. The best of many candidates is
+    /// often one that a single network overestimates.
+    Ensemble(usize),
 }
+
+impl Critics {
+    /// Number of value networks.
+    #[must_use]
+    pub const fn count(self) -> usize {
+        match self {
+            Self::Single => 1,
+            Self::Twin => 2,
+            Self::Ensemble(n) => n,
+        }
+    }
+}
+
+/// Most value networks of a ranker.
+const MOST_CRITICS: usize = 16;
 
 /// Range of the targets of the temporal differences.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -191,6 +209,17 @@ pub struct RankerState {
     pub target: Vec<NamedTensor>,
     /// The optimiser.
     pub adam: AdamState,
+}
+
+impl RankerState {
+    /// Its online and target networks: those that `acting` names first.
+    #[must_use]
+    pub fn acting_first(self, acting: ActingNetwork) -> [Vec<NamedTensor>; 2] {
+        match acting {
+            ActingNetwork::Online => [self.online, self.target],
+            ActingNetwork::Target => [self.target, self.online],
+        }
+    }
 }
 
 /// The ranking function with its target network and optimiser.
@@ -409,6 +438,12 @@ fn check(settings: &RankerSettings) -> Result<()> {
     }
     if settings.config_widths.iter().chain(&settings.head_widths).any(|&width| width == 0) {
         return Err(Error::Config("ranker: every layer needs at least one output".to_owned()));
+    }
+    if !(1..=MOST_CRITICS).contains(&settings.critics.count()) {
+        let found = settings.critics.count();
+        return Err(Error::Config(format!(
+            "ranker.critics: expected 1 to {MOST_CRITICS} networks, found {found}"
+        )));
     }
     for (name, factor) in [("discount", settings.discount), ("target_mix", settings.target_mix)] {
         if !(0.0..=1.0).contains(&factor) {

@@ -27,7 +27,7 @@ pub use log::{ChosenValue, EpisodeLog, Metrics, StepLog};
 
 use crate::agent::{Action, Agent, Draws, Eyes, Init, Method, Networks, PoseSource};
 use crate::config::{Config, Timeout};
-use crate::demo::DemoEpisode;
+use crate::demo::{Alternatives, DemoEpisode};
 use crate::env::{Environment, StepResult};
 use crate::error::{Error, Result};
 use crate::learner::{AttentionUpdate, Learner, PathUpdate};
@@ -120,8 +120,7 @@ impl<E: Environment> Trainer<E> {
     ///
     /// When the demonstration has no steps.
     pub fn add_demonstration(&mut self, demo: &DemoEpisode) -> Result<()> {
-        let starts = self.config.demos.path_starts;
-        episode::add_demonstration(demo, starts, &self.agent, &mut self.learner)
+        episode::add_demonstration(demo, &self.config.demos, &self.agent, &mut self.learner)
     }
 
     /// Updates on the demonstrations alone that are still to be made before the first environment
@@ -203,7 +202,9 @@ impl<E: Environment> Trainer<E> {
     }
 
     fn update_paths(&mut self) -> Result<PathUpdate> {
-        self.learner.update_paths(&mut self.agent.networks, self.config.training.path_batch)
+        let batch_size = self.config.training.path_batch;
+        let with_alternatives = self.shows_alternatives();
+        self.learner.update_paths(&mut self.agent.networks, batch_size, with_alternatives)
     }
 
     /// The episode that is under way, or a new one.
@@ -286,6 +287,15 @@ impl<E: Environment> Trainer<E> {
 }
 
 impl<E> Trainer<E> {
+    /// True if the next update of the ranker sees alternatives of demonstrated ways.
+    pub(crate) fn shows_alternatives(&self) -> bool {
+        match self.config.demos.alternatives {
+            Alternatives::Never => false,
+            Alternatives::First => self.progress.env_steps == 0,
+            Alternatives::Always => true,
+        }
+    }
+
     /// The agent as it is now, to evaluate or to save.
     #[must_use]
     pub const fn agent(&self) -> &Agent {

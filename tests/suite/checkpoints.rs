@@ -195,9 +195,9 @@ fn a_newer_state_is_refused_by_its_version() {
     let victim = Victim::new();
     let mut state = fs::read(victim.file("state.bin")).unwrap();
     // The version stands after eight bytes of magic.
-    state[8] = 2;
+    state[8] = 3;
     victim.with("state.bin", &state, |victim| {
-        assert_eq!(victim.resume_refusal(), "/state.bin: version: expected 1, found 2");
+        assert_eq!(victim.resume_refusal(), "/state.bin: version: expected 1 to 2, found 3");
     });
 }
 

@@ -110,6 +110,11 @@ impl Action {
     pub fn decision(&self) -> Option<replay::Decision> {
         let CandidatePath { source, path, collides } = self.path()?.clone();
         let taken = RankedPath { path, collides };
-        Some(replay::Decision { context: self.context, taken, source: Some(source) })
+        Some(replay::Decision {
+            context: self.context,
+            taken,
+            source: Some(source),
+            alternatives: Vec::new(),
+        })
     }
 }

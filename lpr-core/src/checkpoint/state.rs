@@ -3,6 +3,7 @@
 //! Types of the core are converted to what is stored here, so that none of them has to be built
 //! from unchecked bytes.
 
+use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::learner::{Learner, Row, Seen, UpdateCounts};
 use crate::networks::Networks;
@@ -24,7 +25,7 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// The head of the file.
-const SEAL: Seal = Seal { magic: *b"LPRSTATE", version: 1, oldest: 1 };
+const SEAL: Seal = Seal { magic: *b"LPRSTATE", version: 2, oldest: 1 };
 
 /// State of training beside the weights.
 #[derive(Debug, Serialize, Deserialize)]
@@ -43,6 +44,9 @@ pub(super) struct State {
     successes: StoredBuffer,
     scenes: StoredBuffer,
     episode: Option<StoredEpisode>,
+    /// The alternatives of each step, or none at all; behind the rest since version 2.
+    #[serde(skip)]
+    alternatives: Vec<Vec<StoredPath>>,
 }
 
 /// Optimiser state and the network that does not act; the network that acts is stored with the
@@ -71,6 +75,9 @@ struct StoredStep {
     collides: bool,
     source: Option<StoredSource>,
 }
+
+/// A path, and whether it collides.
+type StoredPath = (Vec<JointConfig>, bool);
 
 #[derive(Debug, Serialize, Deserialize)]
 struct StoredObservation {
@@ -125,8 +132,12 @@ impl State {
             let [_, other] = depth.acting_first(acting);
             StoredLearner { other, adam }
         };
-        let stored_ranker =
-            |RankerState { target, adam, .. }| StoredLearner { other: target, adam };
+        let ranks = trainer.config.ranker.acting_weights;
+        let stored_ranker = |ranker: RankerState| {
+            let adam = ranker.adam.clone();
+            let [_, other] = ranker.acting_first(ranks);
+            StoredLearner { other, adam }
+        };
         Self {
             weights_digest,
             progress: trainer.progress,
@@ -142,16 +153,24 @@ impl State {
             successes,
             scenes,
             episode: trainer.episode.as_ref().map(StoredEpisode::of),
+            alternatives: match trainer.shows_alternatives() {
+                true => steps.iter().map(|step| stored_alternatives(&step.decision)).collect(),
+                false => Vec::new(),
+            },
         }
     }
 
     /// Brings a trainer with the weights of this checkpoint to this state.
     pub(super) fn restore<E>(mut self, trainer: &mut Trainer<E>) -> Result<()> {
-        self.restore_networks(&mut trainer.agent.networks, trainer.config.training.acting_weights)?;
+        self.restore_networks(&mut trainer.agent.networks, &trainer.config)?;
+        if !(self.alternatives.is_empty() || self.alternatives.len() == self.steps.len()) {
+            return Err(damaged("alternatives of other steps"));
+        }
+        let mut alternatives = self.alternatives.into_iter();
         let steps: Vec<_> = self
             .steps
             .into_iter()
-            .map(|step| step.restore().map(Arc::new))
+            .map(|step| step.restore(alternatives.next().unwrap_or_default()).map(Arc::new))
             .collect::<Result<_>>()?;
         let settings = &trainer.config.replay;
         let uniform = ReplaySettings { priority_exponent: 0.0, ..settings.clone() };
@@ -173,7 +192,7 @@ impl State {
     }
 
     /// The networks that do not act, and optimisers.
-    fn restore_networks(&mut self, networks: &mut Networks, acting: ActingNetwork) -> Result<()> {
+    fn restore_networks(&mut self, networks: &mut Networks, config: &Config) -> Result<()> {
         match (&mut networks.q_attention, self.q_attention.take()) {
             (Some(attention), Some(stored)) => {
                 let mut state = attention.state();
@@ -186,7 +205,7 @@ impl State {
                 }
                 for (depth, StoredLearner { other, adam }) in state.depths.iter_mut().zip(stored) {
                     depth.adam = adam;
-                    match acting {
+                    match config.training.acting_weights {
                         ActingNetwork::Online => depth.target = other,
                         ActingNetwork::Target => depth.online = other,
                     }
@@ -197,9 +216,13 @@ impl State {
             _ => return Err(damaged("Q-attention is in one file and not in the other")),
         }
         match (&mut networks.ranker, self.ranker.take()) {
-            (Some(ranker), Some(StoredLearner { other: target, adam })) => {
-                let online = ranker.state().online;
-                ranker.restore(&RankerState { online, target, adam })?;
+            (Some(ranker), Some(StoredLearner { other, adam })) => {
+                let mut state = RankerState { adam, ..ranker.state() };
+                match config.ranker.acting_weights {
+                    ActingNetwork::Online => state.target = other,
+                    ActingNetwork::Target => state.online = other,
+                }
+                ranker.restore(&state)?;
             }
             (None, None) => {}
             _ => return Err(damaged("a ranker is in one file and not in the other")),
@@ -216,14 +239,20 @@ impl State {
     }
 
     pub(super) fn to_bytes(&self) -> Result<Vec<u8>> {
-        let payload = postcard::to_allocvec(self).map_err(|error| damaged(&error.to_string()))?;
+        let parts = (self, &self.alternatives);
+        let payload = postcard::to_allocvec(&parts).map_err(|error| damaged(&error.to_string()))?;
         Ok(SEAL.seal(&payload))
     }
 
     pub(super) fn from_bytes(bytes: &[u8]) -> Result<Self> {
         let payload = SEAL.open(bytes).map_err(|error| damaged(&error.to_string()))?;
-        let (state, left) =
+        let (mut state, mut left): (Self, _) =
             postcard::take_from_bytes(payload).map_err(|error| damaged(&error.to_string()))?;
+        // The first version ends here.
+        if !left.is_empty() {
+            (state.alternatives, left) =
+                postcard::take_from_bytes(left).map_err(|error| damaged(&error.to_string()))?;
+        }
         if left.is_empty() {
             Ok(state)
         } else {
@@ -242,27 +271,42 @@ impl StoredBuffer {
     }
 }
 
+fn stored_path(path: &RankedPath) -> StoredPath {
+    (path.path.configs().to_vec(), path.collides)
+}
+
+fn restored_path((configs, collides): StoredPath) -> Result<RankedPath> {
+    let path = JointPath::new(configs).map_err(|error| damaged(&error.to_string()))?;
+    Ok(RankedPath { path, collides })
+}
+
+fn stored_alternatives(decision: &Decision) -> Vec<StoredPath> {
+    decision.alternatives.iter().map(stored_path).collect()
+}
+
 impl StoredStep {
     fn of(step: &Step<Seen>) -> Self {
-        let Decision { context, taken, source } = &step.decision;
+        let Decision { context, taken, source, .. } = &step.decision;
+        let (path, collides) = stored_path(taken);
         Self {
             observation: step.observation.as_ref().map(StoredObservation::of),
             pose: context.goal.pose,
             gripper: context.goal.gripper,
             gripper_open: context.gripper_open,
             time: context.time,
-            path: taken.path.configs().to_vec(),
-            collides: taken.collides,
+            path,
+            collides,
             source: source.map(StoredSource::from),
         }
     }
 
-    fn restore(self) -> Result<Step<Seen>> {
-        let path = JointPath::new(self.path).map_err(|error| damaged(&error.to_string()))?;
+    fn restore(self, alternatives: Vec<StoredPath>) -> Result<Step<Seen>> {
         let goal = NextBestPose { pose: self.pose, gripper: self.gripper };
         let context = RankerContext { goal, gripper_open: self.gripper_open, time: self.time };
-        let taken = RankedPath { path, collides: self.collides };
-        let decision = Decision { context, taken, source: self.source.map(Source::from) };
+        let taken = restored_path((self.path, self.collides))?;
+        let alternatives = alternatives.into_iter().map(restored_path).collect::<Result<_>>()?;
+        let source = self.source.map(Source::from);
+        let decision = Decision { context, taken, source, alternatives };
         Ok(Step { observation: self.observation.map(StoredObservation::restore), decision })
     }
 }
@@ -339,7 +383,7 @@ impl StoredEpisode {
     /// An episode goes on only after a path that ran, so every choice is one.
     fn restore(self) -> Result<Episode> {
         let taken = |StoredTaken { step, value, reward }| {
-            Ok(Taken { choice: Choice::Path(Arc::new(step.restore()?)), value, reward })
+            Ok(Taken { choice: Choice::Path(Arc::new(step.restore(Vec::new())?)), value, reward })
         };
         let steps = self.steps.into_iter().map(taken).collect::<Result<_>>()?;
         Ok(Episode { scene_seed: self.scene_seed, steps, next: None })

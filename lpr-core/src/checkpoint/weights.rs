@@ -121,7 +121,8 @@ pub(super) fn write<E>(trainer: &Trainer<E>) -> Result<Vec<u8>> {
         tensors.extend(named(&depth_name(depth_idx), acting));
     }
     if let Some(ranker) = &networks.ranker {
-        tensors.extend(named("ranker", ranker.state().online));
+        let [acting, _] = ranker.state().acting_first(trainer.config.ranker.acting_weights);
+        tensors.extend(named("ranker", acting));
     }
     if let Some(policy) = &networks.policy {
         tensors.extend(named("policy", policy.state().network));

@@ -214,7 +214,7 @@ fn expressed(
     keyframe: &KeyframeSnapshot,
     proprio: &Proprio,
 ) -> NextBestPose {
-    let quantised = |goal| attention.codec().quantise(&goal).unwrap_or(goal);
+    let quantised = |goal| attention.quantise(&goal).unwrap_or(goal);
     match poses {
         Poses::True | Poses::Learned => keyframe.goal,
         Poses::Quantised => quantised(keyframe.goal),

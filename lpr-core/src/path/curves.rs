@@ -6,6 +6,7 @@ mod linear;
 mod screw;
 
 pub use bezier::{BezierCurve, BezierSettings};
+pub(crate) use follow::follow;
 #[cfg(feature = "sim")]
 pub(crate) use linear::linear_path_in;
 pub use linear::{LINEAR_STEPS, linear_path};

@@ -287,7 +287,7 @@ impl VoxelGrid {
 }
 
 /// First channel of the voxel's indices.
-const INDEX: usize = 6;
+pub(crate) const INDEX: usize = 6;
 /// Channel of occupancy.
 pub(super) const OCCUPIED: usize = 9;
 /// Voxels that a `u16` can number.

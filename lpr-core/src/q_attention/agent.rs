@@ -8,16 +8,17 @@ pub use learning::UpdateReport;
 use super::action::{ActionCodec, DiscreteAction, canonical};
 use super::grasp::Hand;
 use super::loss::{Choices, chosen_values};
-use super::network::{Heads, NetworkCost, NetworkInput, QNetwork, QValues, proprio_features};
+use super::network::{ArmInput, Heads, NetworkCost, NetworkInput, QNetwork, QValues};
 use super::next_best_pose::NextBestPose;
 use super::observation::QObservation;
-use super::settings::QAttentionSettings;
+use super::position::mean_around;
+use super::settings::{Imitation, Position, QAttentionSettings};
 use crate::error::{Error, Result};
 use crate::nn::{
     Adam, AdamSettings, AdamState, Backend, GradientClip, NamedTensor, export, import,
     values as floats,
 };
-use crate::perception::{Proprio, VoxelBounds, VoxelGrid, VoxelIndex};
+use crate::perception::{Proprio, VoxelBounds, VoxelGrid, VoxelIndex, VoxelSpace};
 use crate::rng::Rng;
 use crate::robot::Gripper;
 
@@ -189,12 +190,12 @@ impl QAttention {
             let values = network.forward(NetworkInput::new(
                 network,
                 core::slice::from_ref(&grid),
-                &[proprio_features(self.settings.half_turn, &observation.proprio)],
+                &[ArmInput::new(&self.settings, depth_idx, &observation.proprio)],
                 &self.device,
             ));
             let best = Choices::best(&values);
             let voxel = space.voxel_from_flat(ints(best.voxel.clone())[0]);
-            point = space.point_from_voxel(voxel);
+            point = self.position(&space, &values, voxel);
             center = space.point_from_voxel(guide.get(depth_idx).copied().unwrap_or(voxel));
             voxels.push(voxel);
             depths.push(DepthDecision { grid, values: floats(values.translation.clone()) });
@@ -254,6 +255,28 @@ impl QAttention {
         let rotation = self.settings.half_turn.label(goal.pose.rotation, Hand::of(proprio));
         let pose = Pose3::from_parts(goal.pose.translation, rotation);
         NextBestPose { pose, ..goal }
+    }
+
+    /// Where the agent goes within `best` of the last depth.
+    fn position(&self, space: &VoxelSpace, values: &QValues, best: VoxelIndex) -> Vec3 {
+        match (self.settings.position, self.settings.imitation) {
+            (Position::Interpolated, Some(Imitation { temperature, .. })) => {
+                mean_around(space, &floats(values.translation.clone()), best, temperature)
+            }
+            _ => space.point_from_voxel(best),
+        }
+    }
+
+    /// The nearest pose to `goal` that the agent could choose; none outside the bounds.
+    #[must_use]
+    pub fn quantise(&self, goal: &NextBestPose) -> Option<NextBestPose> {
+        let quantised = self.codec.quantise(goal)?;
+        let translation = match self.settings.position {
+            Position::Voxel => quantised.pose.translation,
+            Position::Interpolated => goal.pose.translation,
+        };
+        let pose = Pose3::from_parts(translation, quantised.pose.rotation);
+        Some(NextBestPose { pose, ..quantised })
     }
 
     fn decision(

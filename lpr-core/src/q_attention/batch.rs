@@ -51,6 +51,8 @@ pub(super) struct Augmented<'a> {
     pub(super) sample: QSample<'a>,
     /// Motion that was applied to observation, action and next observation.
     pub(super) transform: PointTransform,
+    /// Position of the moved action in the world, metres.
+    pub(super) point: Vec3,
     /// For each depth, what it sees and the voxel of the action in it.
     pub(super) depths: Vec<DepthLabel>,
     /// Rotation bins of the moved action.
@@ -123,7 +125,7 @@ impl<'a> Augmented<'a> {
         }
         let half_turned = rotation.dot(pose.rotation).abs() < HALF_TURNED;
         let rotation = codec.rotation.encode(rotation);
-        Some(Self { sample, transform, depths, rotation, half_turned })
+        Some(Self { sample, transform, point: pose.translation, depths, rotation, half_turned })
     }
 
     /// Its label of the rotation.

@@ -95,6 +95,17 @@ pub(super) struct PerSample {
     pub(super) weights: Tensor<1>,
     /// 1 for the samples to imitate, else 0.
     pub(super) imitated: Tensor<1>,
+    /// Voxels over which the position to imitate is spread; none: its voxel alone.
+    pub(super) spread: Option<SpreadLabels>,
+}
+
+/// Positions spread over voxels.
+#[derive(Debug, Clone)]
+pub(super) struct SpreadLabels {
+    /// `[B, 8]`: voxels, flat.
+    pub(super) voxels: Tensor<2, Int>,
+    /// `[B, 8]`: their weights, which sum to 1.
+    pub(super) weights: Tensor<2>,
 }
 
 /// The loss of one depth; of some samples of a batch, their part of it.
@@ -119,14 +130,19 @@ pub(super) fn depth_loss(
         per_sample = per_sample + mean_size(all) * loss_weights.rotation;
     }
     if let Some(Imitation { weight, temperature }) = loss_weights.imitation {
-        per_sample =
-            per_sample + surprise(values, choices, temperature) * samples.imitated * weight;
+        per_sample = per_sample
+            + surprise(values, choices, samples.spread, temperature) * samples.imitated * weight;
     }
     DepthLoss { total: (per_sample * samples.weights).sum(), huber }
 }
 
 /// Mean over the parts of `-log softmax(Q / T)` at the choices: `[B]`.
-fn surprise(values: &QValues, choices: &Choices, temperature: f32) -> Tensor<1> {
+fn surprise(
+    values: &QValues,
+    choices: &Choices,
+    spread: Option<SpreadLabels>,
+    temperature: f32,
+) -> Tensor<1> {
     let log_odds = QValues {
         translation: log_softmax(values.translation.clone() / temperature, 1),
         pose: values.pose.as_ref().map(|pose| PoseValues {
@@ -135,8 +151,14 @@ fn surprise(values: &QValues, choices: &Choices, temperature: f32) -> Tensor<1> 
         }),
     };
     let chosen = chosen_values(&log_odds, choices);
-    let [n, _] = chosen.dims();
-    chosen.mean_dim(1).reshape([n]).neg()
+    let [n, n_parts] = chosen.dims();
+    let Some(SpreadLabels { voxels, weights }) = spread else {
+        return chosen.mean_dim(1).reshape([n]).neg();
+    };
+    // In place of the voxel's column, the first.
+    let position = (log_odds.translation.gather(1, voxels) * weights).sum_dim(1);
+    let voxel = chosen.clone().slice([0..n, 0..1]);
+    ((chosen.sum_dim(1) - voxel + position) / n_parts as f32).reshape([n]).neg()
 }
 
 /// `e² / 2` within 1, `|e| - 1 / 2` beyond, of absolute errors.
@@ -212,6 +234,7 @@ mod tests {
                 targets: tensor(vec![1.0, 0.0], [2], &device),
                 weights: tensor(vec![0.5, 0.25], [2], &device),
                 imitated: tensor(vec![1.0; 2], [2], &device),
+                spread: None,
             },
             loss_weights,
         );
@@ -243,7 +266,7 @@ mod tests {
         let loss = depth_loss(
             &values,
             &Choices { voxel, pose: None },
-            PerSample { targets: one.clone(), weights: one.clone(), imitated: one },
+            PerSample { targets: one.clone(), weights: one.clone(), imitated: one, spread: None },
             loss_weights,
         );
         let gradient =
@@ -265,6 +288,7 @@ mod tests {
             targets: chosen,
             weights: tensor(vec![0.5; 2], [2], &device),
             imitated: tensor(vec![1.0, 0.0], [2], &device),
+            spread: None,
         };
         let loss_weights = LossWeights {
             translation: 0.0,
@@ -276,5 +300,26 @@ mod tests {
         let expected = (1.0 + (-2.0_f32).exp()).ln();
         let found = read(loss.total)[0];
         assert!((found - expected).abs() < 1e-6, "{found} for {expected}");
+    }
+
+    #[test]
+    fn a_spread_position_takes_the_place_of_its_voxel_among_the_parts() {
+        let device = Backend::Flex.device();
+        let values = values(&device);
+        let best = Choices::best(&values);
+        let voxels = Tensor::from_data(TensorData::new(vec![0_i32, 1, 0, 3], [2, 2]), &device);
+        let weights = tensor(vec![0.25, 0.75, 1.0, 0.0], [2, 2], &device);
+        let spread = SpreadLabels { voxels, weights };
+        let [alone, spread] =
+            [None, Some(spread)].map(|spread| read(surprise(&values, &best, spread, 0.5)));
+        let odds = read(log_softmax(values.translation / 0.5, 1));
+        // Sample 0 has its best voxel at 1, sample 1 at 0.
+        for (sample, (own, expected)) in
+            [(odds[1], 0.25 * odds[0] + 0.75 * odds[1]), (odds[4], odds[4])].iter().enumerate()
+        {
+            let change = -(expected - own) / 5.0;
+            assert!((spread[sample] - alone[sample] - change).abs() < 1e-6);
+        }
+        assert!(spread[0] > alone[0] + 1e-2);
     }
 }

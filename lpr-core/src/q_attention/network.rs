@@ -9,8 +9,8 @@ mod unet;
 
 use super::settings::{NetworkSettings, QAttentionSettings};
 use crate::rng::Rng;
+pub(super) use input::ArmInput;
 pub use input::NetworkInput;
-pub(super) use input::proprio_features;
 pub use unet::UNet;
 
 use fast::{FastHeadSizes, FastNetwork, FastSizes};

@@ -45,6 +45,12 @@ pub struct QAttentionSettings {
     /// Greatest random shift of the cube of a later depth from its label, as a fraction of its half
     /// width (released: 0.75).
     pub crop_jitter: f32,
+    /// Where in the best voxel of the last depth the agent goes.
+    #[serde(default)]
+    pub position: Position,
+    /// What the place channels of a voxel tell.
+    #[serde(default)]
+    pub places: Places,
     /// What is done about the half turn of a two-finger grasp.
     #[serde(default)]
     pub half_turn: HalfTurn,
@@ -56,6 +62,28 @@ pub struct QAttentionSettings {
     pub shift_range: Vec3,
     /// The networks, one of the same kind per depth.
     pub network: NetworkSettings,
+}
+
+/// What the three place channels of a voxel tell.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Places {
+    /// Its index over the number of voxels, as in the released code.
+    #[default]
+    Grid,
+    /// At depths after the first, where it is from the hand, in the hand's frame.
+    Hand,
+}
+
+/// Where in its best voxel the agent goes.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Position {
+    /// The centre.
+    #[default]
+    Voxel,
+    /// The mean over it and its neighbours.
+    Interpolated,
 }
 
 /// The cross-entropy of the actions of successful episodes, demonstrations first of all, under
@@ -125,6 +153,7 @@ impl QAttentionSettings {
         self.check_shapes()
             .and_then(|()| self.check_ranges())
             .and_then(|()| self.imitation.map_or(Ok(()), Imitation::check))
+            .and_then(|()| self.check_position())
             .map_err(|error| in_table("q_attention", error))
     }
 
@@ -136,6 +165,11 @@ impl QAttentionSettings {
         let n = self.translation_regularisation.len();
         let one_a_depth = format!("{} numbers, one a depth", self.n_depths());
         setting(n == self.n_depths(), "translation_regularisation", &one_a_depth, n)
+    }
+
+    fn check_position(&self) -> Result<()> {
+        let holds = self.position == Position::Voxel || self.imitation.is_some();
+        setting(holds, "position", "imitation, which interpolation reads", "none")
     }
 
     fn check_ranges(&self) -> Result<()> {
@@ -174,6 +208,8 @@ pub(super) mod tests {
             rotation_regularisation: 1.0,
             imitation: None,
             crop_jitter: 0.5,
+            position: Position::Voxel,
+            places: Places::Grid,
             half_turn: HalfTurn::Relative,
             yaw_range: 0.5,
             shift_range: Vec3::new(0.1, 0.1, 0.0),
@@ -202,7 +238,8 @@ pub(super) mod tests {
     #[test]
     fn settings_that_cannot_work_are_named() {
         type Change = fn(&mut QAttentionSettings);
-        let cases: [(Change, &str); 7] = [
+        let cases: [(Change, &str); 8] = [
+            (|s| s.position = Position::Interpolated, "position"),
             (|s| s.voxels_per_side = 10, "voxels_per_side"),
             (|s| s.rotation_bins = 30, "rotation_bins"),
             (|s| s.zoom_half_widths = vec![0.0], "zoom_half_widths"),

@@ -102,6 +102,31 @@ fn one_keyframe_is_learned() {
 }
 
 #[test]
+fn an_interpolated_position_is_learned_within_its_voxel() {
+    let settings = QAttentionSettings {
+        learning_rate: 1e-2,
+        crop_jitter: 0.0,
+        yaw_range: 0.0,
+        shift_range: Vec3::ZERO,
+        translation_regularisation: vec![0.1; 2],
+        imitation: Some(Imitation { weight: 1.0, temperature: 0.1 }),
+        ..test_settings()
+    };
+    let scene = scene(0);
+    let error = |position| {
+        let mut agent = agent(QAttentionSettings { position, ..settings.clone() });
+        for update in 0..200 {
+            agent.update(&[terminal(&scene)], &mut stream(1, Stream::Augment, update));
+        }
+        let chosen = agent.act(&scene.0, ActingNetwork::Online).goal.pose.translation;
+        chosen.distance(scene.1.pose.translation)
+    };
+    let [voxel, interpolated] = [Position::Voxel, Position::Interpolated].map(error);
+    // Half a voxel of the last depth is 1.9 cm.
+    assert!(voxel > 0.008 && interpolated < 0.004, "{voxel} m, then {interpolated} m");
+}
+
+#[test]
 fn ten_updates_are_the_same_bits_twice() {
     let run = || {
         let mut agent = agent(test_settings());
@@ -255,6 +280,7 @@ fn loss_of(network: &QNetwork, device: &burn::tensor::Device) -> Tensor<1> {
         targets: column(vec![1.0, 0.3]),
         weights: column(vec![0.5, 0.25]),
         imitated: column(vec![1.0, 0.0]),
+        spread: None,
     };
     let loss_weights = loss::LossWeights {
         translation: 1.0,

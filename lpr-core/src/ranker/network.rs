@@ -1,8 +1,10 @@
 //! The value network and the tensors that it reads.
 
-use super::{Critics, RankedPath, RankerContext, RankerInput, RankerSample, RankerSettings};
+use super::{RankedPath, RankerContext, RankerInput, RankerSample, RankerSettings};
 use crate::error::{Error, Result};
-use crate::features::{GOAL_FEATURES, JointScale, POSE_FEATURES, goal_features, pose_features};
+use crate::features::{
+    GOAL_FEATURES, GRIP_SCALE, GoalFrame, JointScale, POSE_FEATURES, goal_features, grip_features,
+};
 use crate::nn::{Mlp, Spread, tensor, values};
 use crate::path::JointPath;
 use crate::rng::Rng;
@@ -21,9 +23,6 @@ const SITUATION_FEATURES: usize = 4;
 
 /// Numbers of a grip pose in the frame of the goal: position and two columns of the rotation.
 const GRIP_FEATURES: usize = POSE_FEATURES;
-/// Length that a position feature of 1 stands for, metres: the scale of the motions that hinges and
-/// slides ask for.
-const GRIP_SCALE: f32 = 0.2;
 
 /// Numbers of a configuration's place: share of the way, and three of the grip's offset from the
 /// straight line between the ends, in the frame of the goal.
@@ -109,11 +108,11 @@ pub(super) struct RankerNetwork {
 
 impl RankerNetwork {
     pub(super) fn new(settings: &RankerSettings, device: &Device, rng: &mut Rng) -> Self {
-        let n_critics = match settings.critics {
-            Critics::Single => 1,
-            Critics::Twin => 2,
-        };
-        Self { critics: (0..n_critics).map(|_| Critic::new(settings, device, rng)).collect() }
+        Self {
+            critics: (0..settings.critics.count())
+                .map(|_| Critic::new(settings, device, rng))
+                .collect(),
+        }
     }
 
     /// Values per critic, each per path.
@@ -199,8 +198,14 @@ impl Encoding {
     /// The grip at each configuration seen from the goal: the same hinge gives the same numbers
     /// wherever it stands.
     fn grips_in_goal(&self, path: &[JointConfig], context: &RankerContext) -> Vec<Pose3> {
-        let goal_from_world = context.goal.pose.inverse();
-        path.iter().map(|config| goal_from_world * self.robot.grip(config)).collect()
+        let goal = &context.goal.pose;
+        let grips: Vec<_> = path.iter().map(|config| self.robot.grip(config)).collect();
+        if self.input == RankerInput::Motion {
+            let frame = GoalFrame::new(&grips[0], goal);
+            return grips.iter().map(|grip| frame.seen(grip)).collect();
+        }
+        let goal_from_world = goal.inverse();
+        grips.iter().map(|grip| goal_from_world * *grip).collect()
     }
 
     fn context_features(&self, sample: &RankerSample<'_>) -> [f32; CONTEXT_FEATURES] {
@@ -218,10 +223,6 @@ impl Encoding {
         ]);
         features
     }
-}
-
-fn grip_features(in_goal: &Pose3) -> [f32; GRIP_FEATURES] {
-    pose_features(&Pose3::from_parts(in_goal.translation / GRIP_SCALE, in_goal.rotation))
 }
 
 fn chord_features(idx: usize, grips: &[Pose3]) -> [f32; CHORD_FEATURES] {

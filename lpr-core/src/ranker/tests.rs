@@ -120,6 +120,21 @@ fn twin_critics_rank_by_their_mean_and_bootstrap_from_the_smaller() {
 }
 
 #[test]
+fn an_ensemble_has_as_many_critics_as_it_says_and_cannot_be_empty() {
+    let with = |critics| RankerSettings { critics: Critics::Ensemble(critics), ..settings() };
+    let (ranker, context) = (ranker(&with(4), 3), context());
+    let by_critic = ranker.values_by_critic(&context, &[bent_path(0.2)]).expect("one path");
+    assert_eq!(by_critic.len(), 4);
+    assert!((1..4).all(|idx| by_critic[idx] != by_critic[0]));
+    for count in [0, 17, usize::MAX] {
+        let refused =
+            Ranker::new(&with(count), &PANDA, Backend::Flex, &mut stream(0, Stream::Init, 0));
+        let message = refused.expect_err("too few or too many").to_string();
+        assert!(message.contains("ranker.critics") && message.contains(&count.to_string()));
+    }
+}
+
+#[test]
 fn cross_entropy_is_its_formula_and_finite_however_sure_the_network_is() {
     let device = Backend::Flex.device();
     let logits = [-200.0_f32, -3.0, 0.0, 0.5, 4.0, 200.0];

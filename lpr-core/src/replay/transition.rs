@@ -21,6 +21,8 @@ pub struct Decision {
     pub taken: RankedPath,
     /// Generator of the path; none for a demonstration.
     pub source: Option<Source>,
+    /// Candidates that a demonstrated way was not, for updates on demonstrations alone.
+    pub alternatives: Vec<RankedPath>,
 }
 
 /// One environment step: what was seen and what was decided.
@@ -69,6 +71,16 @@ impl<O> Transition<O> {
             outcome: f32::from(u8::from(self.episode_success)),
             weight,
         }
+    }
+
+    /// The ranker's view of the alternative number `idx`, modulo their number, as a failure; none
+    /// without alternatives.
+    #[must_use]
+    pub fn alternative(&self, idx: usize, weight: f32) -> Option<RankerTransition<'_>> {
+        let Decision { context, alternatives, .. } = &self.step.decision;
+        let path = alternatives.get(idx.checked_rem(alternatives.len())?)?;
+        let taken = RankerSample { context, path };
+        Some(RankerTransition { taken, reward: 0.0, next: None, outcome: 0.0, weight })
     }
 
     /// The policy's view; none unless the episode ended in success.
@@ -179,6 +191,7 @@ mod tests {
                         collides: false,
                     },
                     source: Some(Source::Bezier),
+                    alternatives: Vec::new(),
                 },
             })
         };

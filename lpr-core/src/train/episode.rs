@@ -2,11 +2,11 @@
 
 use super::log::{EpisodeLog, chosen_values};
 use crate::agent::{Action, Agent, context};
-use crate::demo::{DemoEpisode, DemoStep, PathStarts};
+use crate::demo::{Alternatives, DemoEpisode, DemoSettings, DemoStep, PathStarts};
 use crate::env::StepResult;
 use crate::error::{Error, Result};
 use crate::learner::{Learner, Row, Seen};
-use crate::path::JointPath;
+use crate::path::{CandidatePath, CandidateStreams, JointPath, PathQuery, candidates};
 use crate::q_attention::NextBestPose;
 use crate::ranker::RankedPath;
 use crate::replay::{Decision, Step, Transition};
@@ -50,7 +50,12 @@ impl Choice {
         let start = action.proprio.joints;
         let path = JointPath::new(vec![start; 2]).expect("measured angles are finite");
         let taken = RankedPath { path, collides: false };
-        Self::Nowhere(step(Decision { context: action.context, taken, source: None }))
+        Self::Nowhere(step(Decision {
+            context: action.context,
+            taken,
+            source: None,
+            alternatives: Vec::new(),
+        }))
     }
 
     pub(crate) const fn step(&self) -> &Arc<Step<Seen>> {
@@ -136,7 +141,7 @@ impl Episode {
 /// The steps of a demonstration into the buffers (line 3).
 pub(super) fn add_demonstration(
     demo: &DemoEpisode,
-    starts: PathStarts,
+    settings: &DemoSettings,
     agent: &Agent,
     learner: &mut Learner,
 ) -> Result<()> {
@@ -147,7 +152,13 @@ pub(super) fn add_demonstration(
             found: "none".to_owned(),
         });
     }
-    let steps: Vec<_> = demo.steps.iter().map(|step| Arc::new(demonstrated(step, agent))).collect();
+    let teaches_paths = settings.path_starts == PathStarts::Every || demo.start == 0;
+    let with_alternatives = settings.alternatives != Alternatives::Never && teaches_paths;
+    let number = |idx: usize| learner.n_transitions() + idx as u64;
+    let streams = |idx| with_alternatives.then(|| learner.demonstration_streams(number(idx)));
+    let steps = demo.steps.iter().enumerate();
+    let steps: Vec<_> =
+        steps.map(|(idx, step)| Arc::new(demonstrated(step, agent, streams(idx)))).collect();
     for (idx, step) in steps.iter().enumerate() {
         let next = steps.get(idx + 1).cloned();
         let reward = if next.is_none() { 1.0 } else { 0.0 };
@@ -159,7 +170,7 @@ pub(super) fn add_demonstration(
             episode_success: true,
             is_demo: true,
         };
-        if starts == PathStarts::Every || demo.start == 0 {
+        if teaches_paths {
             learner.push_path(&row);
         }
         if let Some(attention) = &agent.networks.q_attention {
@@ -169,12 +180,24 @@ pub(super) fn add_demonstration(
     Ok(())
 }
 
-fn demonstrated(step: &DemoStep, agent: &Agent) -> Step<Seen> {
+fn demonstrated(
+    step: &DemoStep,
+    agent: &Agent,
+    alternatives: Option<CandidateStreams>,
+) -> Step<Seen> {
     let scene = agent.obstacles(&step.observation, &step.goal);
+    let start = *step.path.start();
+    let query = PathQuery { robot: agent.robot(), start, goal: step.goal.pose, scene: &scene };
+    let alternatives = alternatives.map_or_else(Vec::new, |streams| {
+        let set = candidates(&query, agent.candidate_settings(), streams);
+        let ranked = |CandidatePath { path, collides, .. }| RankedPath { path, collides };
+        set.candidates.into_iter().map(ranked).collect()
+    });
     let decision = Decision {
         context: context(&step.observation.proprio, step.goal),
         taken: agent.ranked(&step.path, &scene),
         source: None,
+        alternatives,
     };
     Step { observation: agent.attended(&step.observation), decision }
 }

@@ -1,12 +1,13 @@
 use super::*;
 use crate::agent::Exploration;
-use crate::demo::PathStarts;
+use crate::demo::{Alternatives, PathStarts};
 use crate::env::{EPISODE_LENGTH, Fault, InvalidAction};
 use crate::error::Error;
 use crate::evaluate::{Evaluation, best_of_all, evaluate, measure_regret};
 use crate::learner::Row;
 use crate::path::{JointPath, Refinement};
 use crate::perception::Observation;
+use crate::policy::PolicySpace;
 use crate::q_attention::{ActingNetwork, NextBestPose};
 use crate::ranker::{Critics, Objective, RankerInput};
 use crate::robot::{Gripper, PANDA, Robot};
@@ -131,6 +132,47 @@ fn outcomes_two_critics_and_a_second_round_of_curves_learn_the_toy_too() {
     let learned = trained(1);
     assert!(learned.success_rate() > 0.85, "{learned:?}");
     assert_eq!(learned.success_rate(), trained(2).success_rate());
+}
+
+/// Settings whose agents know from the demonstrations which paths work.
+fn with_alternatives(alternatives: Alternatives) -> Config {
+    let mut config = config();
+    config.ranker.objective = Objective::Outcome;
+    config.ranker.input = RankerInput::Motion;
+    config.ranker.critics = Critics::Ensemble(3);
+    config.policy.space = PolicySpace::Grip;
+    config.demos.alternatives = alternatives;
+    config.training.demonstration_updates = 200;
+    config
+}
+
+#[test]
+fn demonstrations_alone_teach_the_choice_where_their_alternatives_are_shown() {
+    let rate = |alternatives| {
+        let mut trainer = trainer(with_alternatives(alternatives), Method::Lpr, 0);
+        train(&mut trainer, 0);
+        score(&trainer).success_rate()
+    };
+    let [without, with] = [Alternatives::Never, Alternatives::First].map(rate);
+    assert!(without < 0.85 && with > 0.95, "{without}, then {with}");
+}
+
+#[test]
+fn a_run_cut_among_its_updates_on_alternatives_goes_on_bit_by_bit() {
+    let mut whole = trainer(with_alternatives(Alternatives::First), Method::Lpr, 2);
+    for _ in 0..5 {
+        whole.update().unwrap();
+    }
+    let checkpoint = whole.checkpoint().unwrap();
+    let mut resumed = Trainer::resume(&checkpoint, Toy::new(&PANDA).unwrap()).unwrap();
+    for _ in 0..5 {
+        assert_eq!(whole.update().unwrap(), resumed.update().unwrap());
+    }
+    // What is not needed any more is not kept.
+    train(&mut resumed, 1);
+    let rows = Trainer::resume(&resumed.checkpoint().unwrap(), Toy::new(&PANDA).unwrap()).unwrap();
+    let rows = rows.learner.paths.rows();
+    assert!(!rows.is_empty() && rows.iter().all(|row| row.alternative(0, 1.0).is_none()));
 }
 
 #[test]

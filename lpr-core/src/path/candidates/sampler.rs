@@ -142,14 +142,15 @@ impl<'a> PathSampler<'a> {
         &self,
         planned: SampledPaths,
         curved: SampledPaths,
-        proposed: Option<&JointPath>,
+        proposed: Option<Result<JointPath, Rejection>>,
     ) -> CandidateSet {
         let mut set = CandidateSet::default();
         set.add(planned);
         set.add(curved);
         set.add(SampledPaths { source: Source::Screw, outcomes: self.screws(&self.goals) });
         if let Some(proposal) = proposed {
-            let valid = self.valid_policy_path(proposal, set.mean_length());
+            let valid =
+                proposal.and_then(|proposal| self.valid_policy_path(&proposal, set.mean_length()));
             let outcomes = vec![valid.unwrap_or_else(Outcome::from)];
             set.add(SampledPaths { source: Source::Policy, outcomes });
         }

@@ -270,7 +270,7 @@ fn the_policy_path_is_admitted_when_short_and_its_ends_are_moved() {
         let proposal = JointPath(configs);
         let query = query(&robot, &scene, goal);
         let paths = PathSampler::new(&query, settings, STREAMS);
-        paths.join(paths.planner_paths(), paths.bezier_paths(), Some(&proposal))
+        paths.join(paths.planner_paths(), paths.bezier_paths(), Some(Ok(proposal)))
     };
     let mut slightly_off = near_goal;
     slightly_off[2] += 0.05;

@@ -22,7 +22,7 @@ const POSTURE_SAMPLES: u32 = 32;
 ///
 /// [`Rejection::CurveUnreachable`] or [`Rejection::BranchJump`] with the fraction of the curve that
 /// was followed.
-pub(super) fn follow(
+pub(crate) fn follow(
     robot: &Robot,
     start: &JointConfig,
     n_steps: usize,

@@ -1,10 +1,14 @@
 //! One update: the losses of all depths on a batch, and the step down their gradients.
 
 use super::super::batch::{Augmented, AugmentedLabel, QSample};
-use super::super::loss::{Choices, LossWeights, PerSample, chosen_values, depth_loss, td_target};
-use super::super::network::{NetworkInput, proprio_features};
+use super::super::loss::{
+    Choices, LossWeights, PerSample, SpreadLabels, chosen_values, depth_loss, td_target,
+};
+use super::super::network::{ArmInput, NetworkInput};
 use super::super::next_best_pose::NextBestPose;
 use super::super::observation::QObservation;
+use super::super::position::{SURROUNDING, surrounding};
+use super::super::settings::Position;
 use super::{Depth, QAttention, ints};
 use crate::in_order::each_with_scratch;
 use crate::nn::{
@@ -160,18 +164,23 @@ impl QAttention {
             .zip(spaces)
             .map(|(&i, &space)| batch[i].moved_grid(next(i), space))
             .collect::<Vec<_>>();
-        let proprio = going_on.iter().map(|&i| self.features(&batch[i], next(i)));
-        let proprio = proprio.collect::<Vec<_>>();
+        let arms = going_on.iter().map(|&i| self.arm(depth_idx, &batch[i], next(i)));
+        let arms = arms.collect::<Vec<_>>();
         let depth = &self.depths[depth_idx];
-        let input = NetworkInput::new(&depth.online, &grids, &proprio, &self.device);
+        let input = NetworkInput::new(&depth.online, &grids, &arms, &self.device);
         let best = Choices::best(&depth.online.forward(input.clone()));
         let values = chosen_values(&depth.target.forward(input), &best).mean_dim(1);
         (floats(values), ints(best.voxel))
     }
 
     /// What the networks are told of the arm in a moved observation.
-    fn features(&self, sample: &Augmented<'_>, observation: &QObservation) -> Vec<f32> {
-        proprio_features(self.settings.half_turn, &sample.moved_proprio(observation))
+    fn arm(
+        &self,
+        depth_idx: usize,
+        sample: &Augmented<'_>,
+        observation: &QObservation,
+    ) -> ArmInput {
+        ArmInput::new(&self.settings, depth_idx, &sample.moved_proprio(observation))
     }
 
     fn space(&self, depth_idx: usize, center: Vec3) -> VoxelSpace {
@@ -188,12 +197,12 @@ impl QAttention {
     ) -> DepthPart {
         let device = self.device.clone().autodiff();
         let grids = batch.iter().map(|sample| sample.grid(depth_idx)).collect::<Vec<_>>();
-        let proprio = batch
+        let arms = batch
             .iter()
-            .map(|sample| self.features(sample, sample.sample.observation))
+            .map(|sample| self.arm(depth_idx, sample, sample.sample.observation))
             .collect::<Vec<_>>();
         let leaves = self.depths[depth_idx].online.clone().train();
-        let values = leaves.forward(NetworkInput::new(&leaves, &grids, &proprio, &device));
+        let values = leaves.forward(NetworkInput::new(&leaves, &grids, &arms, &device));
         let choices = labels(depth_idx, batch, values.pose.is_some(), &device);
         let loss_weights = LossWeights {
             translation: self.settings.translation_regularisation[depth_idx],
@@ -205,8 +214,11 @@ impl QAttention {
             batch.iter().map(|sample| f32::from(u8::from(sample.sample.imitated))).collect();
         let [targets, weights, imitated] =
             [targets, weights, imitated].map(|column| tensor(column, [batch.len()], &device));
-        let loss =
-            depth_loss(&values, &choices, PerSample { targets, weights, imitated }, loss_weights);
+        let is_last = depth_idx + 1 == self.depths.len();
+        let spread = (is_last && self.settings.position == Position::Interpolated)
+            .then(|| spread_labels(depth_idx, batch, &device));
+        let samples = PerSample { targets, weights, imitated, spread };
+        let loss = depth_loss(&values, &choices, samples, loss_weights);
         let gradients = parameter_gradients(&leaves, loss.total.backward());
         DepthPart { loss: floats(loss.total)[0], huber: floats(loss.huber), gradients }
     }
@@ -241,6 +253,17 @@ fn labels(depth_idx: usize, batch: &[Augmented<'_>], with_pose: bool, device: &D
         )
     });
     Choices { voxel: indices(voxel, [n, 1], device), pose }
+}
+
+/// The positions of a batch, spread over the voxels around them.
+fn spread_labels(depth_idx: usize, batch: &[Augmented<'_>], device: &Device) -> SpreadLabels {
+    let shape = [batch.len(), SURROUNDING];
+    let (voxels, weights): (Vec<_>, Vec<_>) = batch
+        .iter()
+        .flat_map(|sample| surrounding(&sample.depths[depth_idx].space, sample.point))
+        .map(|(flat, weight)| (flat as i32, weight))
+        .unzip();
+    SpreadLabels { voxels: indices(voxels, shape, device), weights: tensor(weights, shape, device) }
 }
 
 /// Adds one depth's part to the priorities: `√(huber + 1e-10)` over the largest of the batch.

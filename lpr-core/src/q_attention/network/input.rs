@@ -2,11 +2,15 @@
 
 use super::QNetwork;
 use crate::nn::tensor;
-use crate::perception::{LOW_DIM, Proprio, VOXEL_CHANNELS, VoxelGrid, rotation_columns};
+use crate::perception::{INDEX, LOW_DIM, Proprio, VOXEL_CHANNELS, VoxelGrid, rotation_columns};
 use crate::q_attention::grasp::HalfTurn;
+use crate::q_attention::settings::{Places, QAttentionSettings};
 
 use burn::tensor::{Device, Tensor};
-use glamx::Vec3;
+use glamx::{Pose3, Vec3};
+
+/// Distance from the hand that a place channel of 1 stands for, metres.
+const PLACE_SCALE: f32 = 0.2;
 
 /// Input of the network of one depth.
 #[derive(Debug, Clone)]
@@ -18,33 +22,81 @@ pub struct NetworkInput {
     pub proprio: Tensor<2>,
 }
 
+/// The arm as the network of a depth is told of it.
+#[derive(Debug, Clone)]
+pub(in crate::q_attention) struct ArmInput {
+    /// [`proprio_features`].
+    features: Vec<f32>,
+    /// The hand from which places are told, where they are: [`Places::Hand`].
+    hand_from_world: Option<Pose3>,
+}
+
+impl ArmInput {
+    pub(in crate::q_attention) fn new(
+        settings: &QAttentionSettings,
+        depth_idx: usize,
+        proprio: &Proprio,
+    ) -> Self {
+        let half_turn = settings.half_turn;
+        let tells = settings.places == Places::Hand && depth_idx > 0;
+        let hand_from_world = tells.then(|| {
+            let Pose3 { translation, rotation, .. } = proprio.grip;
+            Pose3::from_parts(translation, half_turn.seen(rotation)).inverse()
+        });
+        Self { features: proprio_features(half_turn, proprio), hand_from_world }
+    }
+}
+
 impl NetworkInput {
-    /// Grids and proprioception ([`proprio_features`]) as one batch for `network`.
+    /// Grids and the arm in each as one batch for `network`.
     pub(in crate::q_attention) fn new(
         network: &QNetwork,
         grids: &[VoxelGrid],
-        proprio: &[Vec<f32>],
+        arms: &[ArmInput],
         device: &Device,
     ) -> Self {
-        let n_proprio = proprio.first().map_or(0, Vec::len);
+        let n_proprio = arms.first().map_or(0, |arm| arm.features.len());
         let n_voxels = grids.first().map_or(0, |grid| grid.space.n_voxels());
         let mut voxels = Vec::with_capacity(grids.len() * n_voxels * VOXEL_CHANNELS);
-        for grid in grids {
+        for (grid, arm) in grids.iter().zip(arms) {
+            let hand = arm.hand_from_world.as_ref();
             match network.raster_of_row() {
                 Some(raster_of_row) => {
                     let half_voxel = 0.5 * grid.space.voxel_size();
-                    voxels.extend(
-                        raster_of_row.iter().flat_map(|&flat| centered(grid, flat, half_voxel)),
-                    );
+                    voxels.extend(raster_of_row.iter().flat_map(|&flat| {
+                        told_from(hand, centered(grid, flat, half_voxel), grid, flat)
+                    }));
                 }
-                None => voxels.extend((0..n_voxels).flat_map(|flat| grid.voxel(flat))),
+                None => voxels.extend(
+                    (0..n_voxels).flat_map(|flat| told_from(hand, grid.voxel(flat), grid, flat)),
+                ),
             }
         }
+        let features = arms.iter().flat_map(|arm| arm.features.iter().copied()).collect();
         Self {
             voxels: tensor(voxels, [grids.len(), n_voxels, VOXEL_CHANNELS], device),
-            proprio: tensor(proprio.concat(), [proprio.len(), n_proprio], device),
+            proprio: tensor(features, [arms.len(), n_proprio], device),
         }
     }
+}
+
+/// The channels of a voxel with its place told from the hand, if there is one, in the stead of its
+/// index over the count.
+///
+/// What the hand holds and how it moves is then one lesson for every place: a cube around a goal in
+/// free space shows little else.
+fn told_from(
+    hand_from_world: Option<&Pose3>,
+    mut channels: [f32; VOXEL_CHANNELS],
+    grid: &VoxelGrid,
+    flat: usize,
+) -> [f32; VOXEL_CHANNELS] {
+    if let Some(hand_from_world) = hand_from_world {
+        let center = grid.space.point_from_voxel(grid.space.voxel_from_flat(flat));
+        let from_hand = *hand_from_world * center / PLACE_SCALE;
+        channels[INDEX..INDEX + 3].copy_from_slice(&from_hand.to_array());
+    }
+    channels
 }
 
 /// What a network is told of the arm: [`Proprio::low_dim`], and under the rule of
@@ -53,7 +105,7 @@ impl NetworkInput {
 ///
 /// A quaternion has two signs, and over the orientations that tasks use no choice between them
 /// keeps neighbours together.
-pub(in crate::q_attention) fn proprio_features(half_turn: HalfTurn, proprio: &Proprio) -> Vec<f32> {
+fn proprio_features(half_turn: HalfTurn, proprio: &Proprio) -> Vec<f32> {
     let low_dim = proprio.low_dim();
     if half_turn != HalfTurn::Relative {
         return low_dim.to_vec();
@@ -88,4 +140,49 @@ fn centered(grid: &VoxelGrid, flat: usize, half_voxel: Vec3) -> [f32; VOXEL_CHAN
         }
     }
     channels
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::nn::{Backend, values};
+    use crate::perception::{VoxelBounds, VoxelSpace};
+    use crate::q_attention::half_turned;
+    use crate::q_attention::network::Heads;
+    use crate::q_attention::settings::tests::{test_proprio, test_settings};
+    use crate::rng::{Stream, stream};
+
+    #[test]
+    fn places_are_told_from_the_hand_whichever_way_round_it_is() {
+        let settings = QAttentionSettings { places: Places::Hand, ..test_settings() };
+        let device = Backend::Flex.device();
+        let init = &mut stream(0, Stream::Init, 0);
+        let network = QNetwork::new(&settings, Heads::Translation, &device, init);
+        let hand = test_proprio();
+        let mut turned = hand;
+        turned.grip.rotation = half_turned(hand.grip.rotation);
+        let space = VoxelSpace::new(VoxelBounds::cube(hand.grip.translation, 0.1), [8; 3])
+            .expect("a volume");
+        let grid = VoxelGrid::voxelise([], space);
+        let places = |depth_idx, proprio: &Proprio| {
+            let arm = ArmInput::new(&settings, depth_idx, proprio);
+            let input = NetworkInput::new(&network, core::slice::from_ref(&grid), &[arm], &device);
+            let place = |voxel: &[f32]| Vec3::from_slice(&voxel[INDEX..INDEX + 3]);
+            values(input.voxels).chunks(VOXEL_CHANNELS).map(place).collect::<Vec<_>>()
+        };
+        let told = places(1, &hand);
+        let canonical = settings.half_turn.seen(hand.grip.rotation);
+        for ((place, turned), &flat) in told
+            .iter()
+            .zip(places(1, &turned))
+            .zip(network.raster_of_row().expect("a fast network"))
+        {
+            let center = space.point_from_voxel(space.voxel_from_flat(flat));
+            let expected = canonical.inverse() * (center - hand.grip.translation) / PLACE_SCALE;
+            assert!(place.distance(expected) < 1e-5 && turned.distance(expected) < 1e-5);
+        }
+        // The first depth sees the whole scene, and is told where in it.
+        assert!(places(0, &hand).iter().all(|place| place.min_element() >= 0.0));
+        assert_ne!(told, places(0, &hand));
+    }
 }
