@@ -12,6 +12,7 @@ pub use candidates::{
     CandidatePath, CandidateSet, CandidateSettings, CandidateStreams, PathQuery, PathSampler,
     Refinement, RejectedPath, SampledPaths, c2farm_path, candidates, linear_candidate,
 };
+#[cfg(feature = "learn")]
 pub(crate) use curves::follow;
 #[cfg(feature = "sim")]
 pub(crate) use curves::linear_path_in;

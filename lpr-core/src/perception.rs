@@ -14,5 +14,6 @@ pub use depth_noise::DepthNoise;
 #[cfg(feature = "learn")]
 pub(crate) use observation::rotation_columns;
 pub use observation::{LOW_DIM, Observation, Proprio, View, time_feature};
+#[cfg(feature = "learn")]
 pub(crate) use voxel::INDEX;
 pub use voxel::{VOXEL_CHANNELS, VoxelBounds, VoxelGrid, VoxelIndex, VoxelSpace};

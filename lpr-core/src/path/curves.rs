@@ -6,6 +6,7 @@ mod linear;
 mod screw;
 
 pub use bezier::{BezierCurve, BezierSettings};
+#[cfg(feature = "learn")]
 pub(crate) use follow::follow;
 #[cfg(feature = "sim")]
 pub(crate) use linear::linear_path_in;
