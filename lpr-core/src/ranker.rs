@@ -15,6 +15,9 @@
 //!   a path that turns a hinge is then the same set of numbers wherever the hinge stands, which ten
 //!   demonstrations need. [`RankerInput::Chord`] adds how far off the straight line it is, and
 //!   [`RankerInput::Motion`] leaves out joints and places.
+//! - Beside a demonstrated path it may be shown other candidates of the same way, as failures
+//!   ([`Alternatives`](crate::demo::Alternatives)): demonstrations hold only paths that work. Some of
+//!   them would have worked too; what comes of the agent's own paths corrects that.
 //! - A running mean of the weights may rank ([`RankerSettings::acting_weights`]).
 //! - Joint angles are scaled so that the limits are ±1; the paper does not say how they enter.
 //! - The paper calls the network "the path policy" where it describes it; it is the ranker's.

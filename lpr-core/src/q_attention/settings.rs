@@ -71,8 +71,10 @@ pub enum Places {
     /// Its index over the number of voxels, as in the released code.
     #[default]
     Grid,
-    /// At depths after the first, where it is from the hand, in the hand's frame.
-    Hand,
+    /// At depths after the first, where it is from the hand, in the hand's frame, while that holds
+    /// something. A free hand is where the agent put it, and in demonstrations always at the same
+    /// place before a grasp: told from there, networks repeat its error instead of looking.
+    Held,
 }
 
 /// Where in its best voxel the agent goes.

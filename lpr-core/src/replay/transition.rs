@@ -21,7 +21,7 @@ pub struct Decision {
     pub taken: RankedPath,
     /// Generator of the path; none for a demonstration.
     pub source: Option<Source>,
-    /// Candidates that a demonstrated way was not, for updates on demonstrations alone.
+    /// Candidates that a demonstrated way was not: see [`crate::demo::Alternatives`].
     pub alternatives: Vec<RankedPath>,
 }
 

@@ -27,7 +27,7 @@ pub struct NetworkInput {
 pub(in crate::q_attention) struct ArmInput {
     /// [`proprio_features`].
     features: Vec<f32>,
-    /// The hand from which places are told, where they are: [`Places::Hand`].
+    /// The hand from which places are told, where they are: [`Places::Held`].
     hand_from_world: Option<Pose3>,
 }
 
@@ -38,7 +38,7 @@ impl ArmInput {
         proprio: &Proprio,
     ) -> Self {
         let half_turn = settings.half_turn;
-        let tells = settings.places == Places::Hand && depth_idx > 0;
+        let tells = settings.places == Places::Held && depth_idx > 0 && proprio.holds();
         let hand_from_world = tells.then(|| {
             let Pose3 { translation, rotation, .. } = proprio.grip;
             Pose3::from_parts(translation, half_turn.seen(rotation)).inverse()
@@ -153,12 +153,13 @@ mod tests {
     use crate::rng::{Stream, stream};
 
     #[test]
-    fn places_are_told_from_the_hand_whichever_way_round_it_is() {
-        let settings = QAttentionSettings { places: Places::Hand, ..test_settings() };
+    fn places_are_told_from_a_hand_that_holds_something_whichever_way_round_it_is() {
+        let settings = QAttentionSettings { places: Places::Held, ..test_settings() };
         let device = Backend::Flex.device();
         let init = &mut stream(0, Stream::Init, 0);
         let network = QNetwork::new(&settings, Heads::Translation, &device, init);
-        let hand = test_proprio();
+        let free = test_proprio();
+        let hand = Proprio { gripper_open: 0.0, gripper_width: 0.03, ..free };
         let mut turned = hand;
         turned.grip.rotation = half_turned(hand.grip.rotation);
         let space = VoxelSpace::new(VoxelBounds::cube(hand.grip.translation, 0.1), [8; 3])
@@ -181,8 +182,9 @@ mod tests {
             let expected = canonical.inverse() * (center - hand.grip.translation) / PLACE_SCALE;
             assert!(place.distance(expected) < 1e-5 && turned.distance(expected) < 1e-5);
         }
-        // The first depth sees the whole scene, and is told where in it.
-        assert!(places(0, &hand).iter().all(|place| place.min_element() >= 0.0));
-        assert_ne!(told, places(0, &hand));
+        // Elsewhere they are those in the grid.
+        let in_grid = places(0, &hand);
+        assert!(in_grid.iter().all(|place| place.min_element() >= 0.0));
+        assert_eq!(in_grid, places(1, &free));
     }
 }
