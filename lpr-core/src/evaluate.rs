@@ -32,6 +32,8 @@ pub struct Evaluation {
     pub chosen: BTreeMap<Source, u64>,
     /// Episodes that failed, by reason: names of invalid actions, `timeout` and `not_done`.
     pub failures: BTreeMap<&'static str, u64>,
+    /// Seeds of their scenes.
+    pub failed_scenes: Vec<u64>,
     /// Environment steps in which the policy's path was among the candidates.
     pub policy_valid: u64,
     /// Environment steps.
@@ -85,7 +87,10 @@ impl Evaluation {
         self.steps += episode.steps;
         match episode.failure {
             None => self.successes += 1,
-            Some(reason) => *self.failures.entry(reason).or_default() += 1,
+            Some(reason) => {
+                *self.failures.entry(reason).or_default() += 1;
+                self.failed_scenes.push(episode.scene_seed);
+            }
         }
     }
 
@@ -266,6 +271,7 @@ mod tests {
             cell_channels: 8,
             block_channels: 12,
             head_channels: 4,
+            attended_channels: 4,
             hidden: 16,
             harmonics: 4,
         };

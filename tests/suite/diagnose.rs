@@ -3,7 +3,7 @@
 
 #![expect(clippy::unwrap_used, clippy::expect_used, reason = "a test fails by panicking")]
 
-use crate::lpr::{command, json, refusal, text};
+use crate::lpr::{command, json, refusal, table, text};
 use crate::runs;
 use lpr_core::agent::{Agent, Method, PoseSource};
 use lpr_core::checkpoint::load_agent;
@@ -339,10 +339,58 @@ fn a_row_of_an_experiment_is_never_run_twice() {
     json(&["experiment", "report", &rows, "--page", &path("page.md")]);
     let page = fs::read_to_string(path("page.md")).unwrap();
     assert!(
-        page.contains("| `reach_target` | 0 | 4 |") && page.ends_with("<!-- end rows -->\nend\n")
+        page.contains("| `reach_target`, small, 2 demonstrations | 0 | 4 |")
+            && page.ends_with("<!-- end rows -->\nend\n")
     );
     assert!(!page.contains("old"));
     fs::write(path("page.md"), "# Page\n").unwrap();
     let message = refusal(&["experiment", "report", &rows, "--page", &path("page.md")], 1);
     assert!(message.contains("<!-- begin rows -->"), "{message}");
+}
+
+#[test]
+fn an_experiment_compares_methods_in_the_same_scenes() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    fs::write(path("small.toml"), runs::preset(&[])).unwrap();
+    let (rows, trained, preset) = (path("rows"), path("runs"), path("small.toml"));
+    let words = ["experiment", "set2-oracle", "--out", &rows, "--runs", &trained];
+    let options = ["--tasks", "open_drawer", "--env-steps", "4", "--scenes", "1"];
+    let words = [&words[..], &options, &["--preset", &preset, "--seeds", "3,4"]].concat();
+    let report = json(&[&words[..], &["--methods", "lpr,linear,random"]].concat());
+    // The methods without weights once, not for each seed.
+    let methods: Vec<_> = report["rows"].as_array().unwrap().iter().collect();
+    let named = |method: &str| methods.iter().filter(|row| row["method"] == method).count();
+    assert_eq!((named("lpr"), named("linear"), named("random")), (2, 1, 1));
+    let of = |method: &str| *methods.iter().find(|row| row["method"] == method).unwrap();
+    assert_eq!(of("lpr")["poses"], "oracle");
+    assert!(of("linear")["training"].is_null() && of("linear")["diagnosis"].is_null());
+    // Every failed scene is told, so that methods can be compared scene by scene.
+    let failed = of("random")["evaluation"]["failed_scenes"].as_array().unwrap();
+    assert_eq!(
+        100 - failed.len(),
+        of("random")["evaluation"]["successes"].as_u64().unwrap() as usize
+    );
+    assert!(failed.iter().all(|scene| (5000..5100).contains(&scene.as_u64().unwrap())));
+
+    // A drawer opens along a straight line.
+    let page = table(&["experiment", "report", &rows]);
+    assert!(page.contains("| mean of tasks |"), "{page}");
+    let line =
+        "small, 2 demonstrations, true poses against linear, true poses, in the same scenes:";
+    assert!(page.contains(line), "{page}");
+
+    // The same run twice is no second seed.
+    let one = fs::read_dir(&rows).unwrap().next().unwrap().unwrap().path();
+    let copy = one.with_file_name("copy.json");
+    fs::copy(&one, &copy).unwrap();
+    let twice = refusal(&["experiment", "report", &rows], 1);
+    assert!(twice.contains("holds two rows of `open_drawer`"), "{twice}");
+    fs::remove_file(copy).unwrap();
+
+    let unknown = refusal(&[&words[..], &["--resume", "--methods", "magic"]].concat(), 2);
+    assert!(unknown.contains("magic") && unknown.contains("best-of-all"), "{unknown}");
+    let images = ["experiment", "set1", "--out", &path("other"), "--methods", "random"];
+    let untrainable = refusal(&[&images[..], &["--runs", &path("no")]].concat(), 2);
+    assert!(untrainable.contains("nothing to train"), "{untrainable}");
 }

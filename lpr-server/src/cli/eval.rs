@@ -23,7 +23,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Name of the oracle among the methods.
-const BEST_OF_ALL: &str = "best-of-all";
+pub(super) const BEST_OF_ALL: &str = "best-of-all";
 
 /// Options of `lpr eval`.
 #[derive(Debug, Args)]
@@ -83,12 +83,16 @@ pub(super) struct EvalReport {
     task: String,
     method: String,
     observations: Observations,
+    /// Seed of the first scene.
+    first_scene: u64,
     episodes: u64,
     successes: u64,
     success_rate: f64,
     wilson95: [f64; 2],
     chosen: BTreeMap<&'static str, u64>,
     failures: BTreeMap<&'static str, u64>,
+    /// Seeds of the scenes in which the task was not done.
+    failed_scenes: Vec<u64>,
     policy_valid: u64,
     steps: u64,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -96,17 +100,24 @@ pub(super) struct EvalReport {
 }
 
 /// The report of an evaluation.
-pub(super) fn evaluation_report(task: &str, method: &str, found: &Evaluation) -> EvalReport {
+pub(super) fn evaluation_report(
+    task: &str,
+    method: &str,
+    first_scene: u64,
+    found: &Evaluation,
+) -> EvalReport {
     EvalReport {
         task: task.to_owned(),
         method: method.to_owned(),
         observations: Observations::Own,
+        first_scene,
         episodes: found.episodes,
         successes: found.successes,
         success_rate: found.success_rate(),
         wilson95: found.wilson95(),
         chosen: found.chosen.iter().map(|(source, count)| (source.name(), *count)).collect(),
         failures: found.failures.clone(),
+        failed_scenes: found.failed_scenes.clone(),
         policy_valid: found.policy_valid,
         steps: found.steps,
         regret: None,
@@ -127,7 +138,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<EvalReport> {
         None if best => best_of_all(&agent, &mut environment, seeds.clone(), |_| {})?,
         None => evaluate(&agent, &mut environment, seeds.clone(), |_| {})?,
     };
-    let mut report = evaluation_report(&task.name, &method, &found);
+    let mut report = evaluation_report(&task.name, &method, arguments.seed, &found);
     report.observations = arguments.observations;
     if arguments.regret {
         report.regret = measure_regret(&agent, &mut environment, seeds)?.mean();

@@ -1,29 +1,34 @@
 //! The rows of an experiment as Markdown: a table, and a paragraph for each task on what fails.
 
+mod comparison;
+
 use super::row::Row;
 use crate::cli::failure::Result;
 use crate::files::{self, FileError};
 use core::fmt::Write as _;
 use serde_json::Value;
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
 /// Findings of a task that are told.
 const TOLD: usize = 4;
 
-pub(super) fn markdown(rows: &[Row]) -> String {
-    let mut text = String::from(
+pub(super) fn markdown(rows: &[Row]) -> core::result::Result<String, String> {
+    let mut text = comparison::markdown(rows)?;
+    text.push_str(
         "| task | seed | steps | success in 100 test scenes | in the scenes of the diagnosis | with the demonstrator's poses | with the best of all paths | training | commit |\n| --- | --- | --- | --- | --- | --- | --- | --- | --- |\n",
     );
-    for row in rows {
-        let Row { key, commit, training, diagnosis } = row;
+    for row in rows.iter().filter(|row| is_diagnosed(row)) {
+        let Row { key, commit, training, diagnosis, .. } = row;
         let _ = writeln!(
             text,
-            "| `{}` | {} | {} | {} | {} of {} | {} | {} | {:.0} min | {commit} |",
-            key.task,
+            "| {}{} | {} | {} | {} | {} of {} | {} | {} | {:.0} min | {commit} |",
+            comparison::task(key),
+            comparison::variant(key),
             key.seed,
             key.env_steps,
-            success(&training["eval"]),
+            success(row.eval()),
             diagnosis["successes"],
             diagnosis["scenes"],
             rung(diagnosis, "true", "ranker"),
@@ -31,10 +36,17 @@ pub(super) fn markdown(rows: &[Row]) -> String {
             training["wall_seconds"].as_f64().unwrap_or(f64::NAN) / 60.0,
         );
     }
-    for row in rows {
-        let _ = writeln!(text, "\n{}", paragraph(row));
+    let mut told = BTreeSet::new();
+    for row in rows.iter().filter(|row| is_diagnosed(row)) {
+        if told.insert(&row.key.task) {
+            let _ = writeln!(text, "\n{}", paragraph(row));
+        }
     }
-    text
+    Ok(text)
+}
+
+fn is_diagnosed(row: &Row) -> bool {
+    !row.diagnosis.is_null()
 }
 
 /// `94 (88 to 97)`.
@@ -49,7 +61,7 @@ fn rung(diagnosis: &Value, poses: &str, paths: &str) -> String {
     rung.map_or("-".to_owned(), |rung| format!("{} of {}", rung["successes"], rung["episodes"]))
 }
 
-/// What fails in a task, in sentences.
+/// What fails in the first run of a task, in sentences.
 fn paragraph(row: &Row) -> String {
     let Row { key, diagnosis, .. } = row;
     let mut text = format!("**`{}`**, seed {}.", key.task, key.seed);

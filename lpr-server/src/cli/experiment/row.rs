@@ -1,7 +1,7 @@
 //! A row of an experiment: one run and what was found of it, in a file of its own.
 
 use crate::files::{self, FileError};
-use lpr_core::agent::{Method, PoseSource};
+use lpr_core::agent::PoseSource;
 use lpr_core::config::Config;
 use lpr_core::{SOURCE_DIGEST, digest};
 use serde::{Deserialize, Serialize};
@@ -13,38 +13,52 @@ use std::path::Path;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Key {
     pub(super) task: String,
-    pub(super) method: Method,
+    pub(super) method: String,
     pub(super) poses: PoseSource,
+    #[serde(default = "first_robot")]
+    pub(super) robot: String,
+    /// Its name, or that of its file.
+    #[serde(default = "default_preset")]
+    pub(super) preset: String,
+    #[serde(default = "ten")]
+    pub(super) demonstrations: usize,
     pub(super) seed: u64,
+    /// None of them: a method without weights.
     pub(super) env_steps: u64,
     /// Of every setting, the scenes that are looked at and the program: its sources and the
     /// versions of its dependencies.
     pub(super) digest: String,
 }
 
+// Of rows that were written when there was one of each.
+fn first_robot() -> String {
+    "xarm7".to_owned()
+}
+
+fn default_preset() -> String {
+    "fast".to_owned()
+}
+
+const fn ten() -> usize {
+    10
+}
+
 impl Key {
-    pub(super) fn new(
-        config: &Config,
-        task: &str,
-        method: Method,
-        seed: u64,
-        [env_steps, scenes]: [u64; 2],
-    ) -> Self {
+    /// The digest of a row with these settings, in the diagnosis of which there are `scenes`.
+    pub(super) fn digest(config: &Config, scenes: u64) -> String {
         let decides = format!("{SOURCE_DIGEST} {scenes} {}", config.to_toml());
-        Self {
-            task: task.to_owned(),
-            method,
-            poses: PoseSource::Learned,
-            seed,
-            env_steps,
-            digest: format!("{:016x}", digest::of(decides.as_bytes())),
-        }
+        format!("{:016x}", digest::of(decides.as_bytes()))
     }
 
     /// Name of its file and of its run's directory.
     pub(super) fn name(&self) -> String {
-        let Self { task, method, seed, env_steps, digest, .. } = self;
-        format!("{task}-{}-{seed}-{env_steps}-{}", method.name(), &digest[..8])
+        let Self { task, method, seed, env_steps, digest, poses, robot, .. } = self;
+        let poses = match poses {
+            PoseSource::Learned => "",
+            PoseSource::Oracle => "-oracle",
+        };
+        let robot = if *robot == first_robot() { String::new() } else { format!("-{robot}") };
+        format!("{task}-{method}{poses}{robot}-{seed}-{env_steps}-{}", &digest[..8])
     }
 }
 
@@ -55,10 +69,35 @@ pub(super) struct Row {
     pub(super) key: Key,
     /// The checkout's, for people.
     pub(super) commit: String,
-    /// The run's `summary.json`.
+    /// The run's `summary.json`; nothing of a method without weights.
+    #[serde(default)]
     pub(super) training: Value,
-    /// The report of `lpr diagnose`.
+    /// The report of `lpr eval`, where there is no training.
+    #[serde(default, skip_serializing_if = "Value::is_null")]
+    pub(super) evaluation: Value,
+    /// The report of `lpr diagnose`, of a method that ranks.
+    #[serde(default)]
     pub(super) diagnosis: Value,
+}
+
+impl Row {
+    /// The report of its test scenes.
+    pub(super) fn eval(&self) -> &Value {
+        if self.training.is_null() { &self.evaluation } else { &self.training["eval"] }
+    }
+
+    /// Success in each of the test scenes; none in rows of before scenes were told.
+    pub(super) fn outcomes(&self) -> Option<Vec<f64>> {
+        let eval = self.eval();
+        let first = eval["first_scene"].as_u64()?;
+        let failed = eval["failed_scenes"].as_array()?;
+        let mut outcomes = vec![1.0; usize::try_from(eval["episodes"].as_u64()?).ok()?];
+        for scene in failed {
+            let idx = usize::try_from(scene.as_u64()?.checked_sub(first)?).ok()?;
+            *outcomes.get_mut(idx)? = 0.0;
+        }
+        Some(outcomes)
+    }
 }
 
 /// The row of that file, if it is there; one of another key is refused.

@@ -22,10 +22,16 @@ pub(super) struct Plan {
     pub(super) row: PathBuf,
     /// Directory of the training run.
     pub(super) run: PathBuf,
-    /// The command that trains, without its directory.
-    pub(super) train: Vec<String>,
-    /// Options of the diagnosis.
-    pub(super) diagnose: Vec<String>,
+    pub(super) work: Work,
+}
+
+/// The commands that make a row.
+#[derive(Debug)]
+pub(super) enum Work {
+    /// The one that trains, without its directory, and the options of a diagnosis after it.
+    Train { train: Vec<String>, diagnose: Option<Vec<String>> },
+    /// The one that evaluates what needs no training.
+    Evaluate(Vec<String>),
 }
 
 /// All rows in the order of their plans. Runs what has no row yet, `at_once` at a time; the first
@@ -56,14 +62,39 @@ pub(super) fn complete(plans: &[Plan], at_once: usize) -> Result<Vec<Row>> {
 
 /// The row of a plan, which is run unless it is there.
 fn one(plan: &Plan) -> Result<Row> {
-    let Plan { key, row, run, train, diagnose } = plan;
+    let Plan { key, row, run, work } = plan;
     if let Some(row) = row::read(row, key)? {
         return Ok(row);
     }
     say(&format!("{}: starts", key.name()));
+    let mut done = Row {
+        key: key.clone(),
+        commit: commit(),
+        training: Value::Null,
+        evaluation: Value::Null,
+        diagnosis: Value::Null,
+    };
+    match work {
+        Work::Train { train, diagnose } => {
+            done.training = trained(run, train)?;
+            if let Some(options) = diagnose {
+                let mut words = vec!["diagnose".to_owned(), run.display().to_string()];
+                words.extend_from_slice(options);
+                done.diagnosis = report(words, &log(run))?;
+            }
+        }
+        Work::Evaluate(words) => done.evaluation = report(words.clone(), &log(run))?,
+    }
+    files::write_json(row, &done)?;
+    say(&format!("{}: done", key.name()));
+    Ok(done)
+}
+
+/// The summary of a run, which goes on where it was interrupted.
+fn trained(run: &Path, train: &[String]) -> Result<Value> {
     let summary = run.join(run_directory::SUMMARY);
     if !summary.exists() {
-        let mut words = train.clone();
+        let mut words = train.to_vec();
         words.extend(["--out".to_owned(), run.display().to_string()]);
         if run_directory::latest_step(run)?.is_some() {
             words.push("--resume".to_owned());
@@ -73,15 +104,13 @@ fn one(plan: &Plan) -> Result<Row> {
         }
         child(&words, &log(run))?;
     }
-    let mut words = vec!["diagnose".to_owned(), run.display().to_string(), "--json".to_owned()];
-    words.extend_from_slice(diagnose);
-    let text = child(&words, &log(run))?;
-    let diagnosis: Value = serde_json::from_str(&text).map_err(io::Error::from)?;
-    let training: Value = files::read_json(&summary)?;
-    let done = Row { key: key.clone(), commit: commit(), training, diagnosis };
-    files::write_json(row, &done)?;
-    say(&format!("{}: done", key.name()));
-    Ok(done)
+    Ok(files::read_json(&summary)?)
+}
+
+/// What a command reports.
+fn report(mut words: Vec<String>, log: &Path) -> Result<Value> {
+    words.push("--json".to_owned());
+    Ok(serde_json::from_str(&child(&words, log)?).map_err(io::Error::from)?)
 }
 
 /// The file that takes what the children of a run say.

@@ -20,7 +20,7 @@ use crate::images;
 use crate::metrics::{self, MetricsWriter};
 use crate::run_directory;
 use crate::tensorboard::EventWriter;
-use evaluating::Validation;
+use evaluating::{TEST_SEEDS, Validation};
 use lpr_core::agent::{Eyes, PoseSource};
 use lpr_core::env::Environment as _;
 use lpr_core::sim::SimEnvironment;
@@ -422,6 +422,7 @@ impl<'a> Session<'a> {
             eval: evaluation_report(
                 &self.arguments.task.name,
                 self.trainer.run().method.name(),
+                TEST_SEEDS.start,
                 &found,
             ),
             diagnosis,

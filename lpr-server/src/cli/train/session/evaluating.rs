@@ -17,7 +17,7 @@ const N_VALIDATION_SEEDS: u64 = 1000;
 /// Scenes of a validation in which every candidate is executed.
 const REGRET_SCENES: u64 = 3;
 /// Scene seeds of the final evaluation, used once.
-const TEST_SEEDS: Range<u64> = 5000..5100;
+pub(super) const TEST_SEEDS: Range<u64> = 5000..5100;
 
 /// Scenes of the diagnosis at the end of a run; `lpr diagnose` looks at more.
 const DIAGNOSIS_SCENES: u64 = 10;
@@ -110,11 +110,13 @@ impl Session<'_> {
 
 /// Adds the counts of an evaluation in other scenes.
 fn add(all: &mut Evaluation, some: Evaluation) {
-    let Evaluation { episodes, successes, chosen, failures, policy_valid, steps } = some;
+    let Evaluation { episodes, successes, chosen, failures, failed_scenes, policy_valid, steps } =
+        some;
     all.episodes += episodes;
     all.successes += successes;
     all.policy_valid += policy_valid;
     all.steps += steps;
+    all.failed_scenes.extend(failed_scenes);
     for (source, count) in chosen {
         *all.chosen.entry(source).or_default() += count;
     }
