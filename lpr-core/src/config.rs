@@ -35,7 +35,7 @@ const MAX_WIDTH: f64 = 8192.0;
 
 /// Least and greatest value of settings outside of which a module would run out of memory, or fail
 /// without naming them.
-const RANGES: [(&str, f64, f64); 21] = [
+const RANGES: [(&str, f64, f64); 22] = [
     ("candidates.path_len", 2.0, 1000.0),
     ("candidates.rrt.checks_per_radian", 0.1, 1e4),
     ("ranker.config_widths", 1.0, MAX_WIDTH),
@@ -48,6 +48,7 @@ const RANGES: [(&str, f64, f64); 21] = [
     ("q_attention.network.cell_channels", 1.0, MAX_WIDTH),
     ("q_attention.network.block_channels", 1.0, MAX_WIDTH),
     ("q_attention.network.head_channels", 1.0, MAX_WIDTH),
+    ("q_attention.network.attended_channels", 0.0, MAX_WIDTH),
     ("q_attention.network.hidden", 1.0, MAX_WIDTH),
     ("q_attention.network.harmonics", 1.0, 360.0),
     ("replay.capacity", 1.0, 1e7),

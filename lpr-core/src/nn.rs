@@ -24,4 +24,4 @@ pub(crate) use halves::{ParameterGradients, in_halves, sum_of_gradients};
 pub(crate) use layers::{Dense, Mlp, Spread};
 pub(crate) use operations::{Activation, Padding, Tiles, Windows, convolve, dense};
 pub(crate) use parameters::{export, import, mix};
-pub(crate) use values::{tensor, values};
+pub(crate) use values::{ints, tensor, values};

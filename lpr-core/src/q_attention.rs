@@ -25,10 +25,12 @@ pub use agent::{
 pub use batch::{AugmentedLabel, QSample};
 pub use grasp::{HalfTurn, Hand, canonical_grasp, half_turned};
 #[cfg(feature = "learn")]
-pub use network::{Heads, NetworkCost, NetworkInput, PoseValues, QNetwork, QValues, UNet};
+pub use network::{NetworkCost, NetworkInput, PoseValues, QNetwork, QValues, UNet};
 pub use next_best_pose::NextBestPose;
 pub use observation::{QObservation, StoredPoint};
-pub use settings::{Imitation, NetworkSettings, Places, Position, QAttentionSettings};
+pub use settings::{
+    HandJitter, Imitation, Jitter, NetworkSettings, Places, Position, QAttentionSettings,
+};
 
 #[cfg(all(test, feature = "learn"))]
 mod tests;

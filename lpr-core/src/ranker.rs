@@ -214,17 +214,6 @@ pub struct RankerState {
     pub adam: AdamState,
 }
 
-impl RankerState {
-    /// Its online and target networks: those that `acting` names first.
-    #[must_use]
-    pub fn acting_first(self, acting: ActingNetwork) -> [Vec<NamedTensor>; 2] {
-        match acting {
-            ActingNetwork::Online => [self.online, self.target],
-            ActingNetwork::Target => [self.target, self.online],
-        }
-    }
-}
-
 /// The ranking function with its target network and optimiser.
 #[derive(Debug)]
 pub struct Ranker {

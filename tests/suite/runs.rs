@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 pub(crate) const STEPS: &str = "24";
 
 /// Settings that make the preset `fast` small.
-const SMALL: [(&str, &str); 24] = [
+const SMALL: [(&str, &str); 25] = [
     ("candidates.path_len", "8"),
     ("candidates.planner_paths", "1"),
     ("candidates.bezier_paths", "2"),
@@ -25,6 +25,7 @@ const SMALL: [(&str, &str); 24] = [
     ("q_attention.network.cell_channels", "8"),
     ("q_attention.network.block_channels", "12"),
     ("q_attention.network.head_channels", "4"),
+    ("q_attention.network.attended_channels", "4"),
     ("q_attention.network.hidden", "16"),
     ("q_attention.network.harmonics", "4"),
     ("training.demonstrations", "2"),

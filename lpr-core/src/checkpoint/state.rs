@@ -11,7 +11,7 @@ use crate::nn::{AdamState, NamedTensor};
 use crate::path::{JointPath, Source};
 use crate::perception::{Proprio, VoxelBounds};
 use crate::policy::PolicyState;
-use crate::q_attention::{ActingNetwork, DepthState, NextBestPose, QObservation, StoredPoint};
+use crate::q_attention::{DepthState, NextBestPose, QObservation, StoredPoint};
 use crate::ranker::{RankedPath, RankerContext, RankerState};
 use crate::replay::{
     Decision, Replay, ReplaySettings, ReplayState, Step, TransitionRow, join_steps, split_steps,
@@ -127,15 +127,13 @@ impl State {
             replay: buffer.state(),
         });
         let acting = trainer.config.training.acting_weights;
-        let stored_depth = |depth: DepthState| {
-            let adam = depth.adam.clone();
-            let [_, other] = depth.acting_first(acting);
+        let stored_depth = |DepthState { online, target, adam }| {
+            let [_, other] = acting.acting_first([online, target]);
             StoredLearner { other, adam }
         };
         let ranks = trainer.config.ranker.acting_weights;
-        let stored_ranker = |ranker: RankerState| {
-            let adam = ranker.adam.clone();
-            let [_, other] = ranker.acting_first(ranks);
+        let stored_ranker = |RankerState { online, target, adam }| {
+            let [_, other] = ranks.acting_first([online, target]);
             StoredLearner { other, adam }
         };
         Self {
@@ -205,10 +203,10 @@ impl State {
                 }
                 for (depth, StoredLearner { other, adam }) in state.depths.iter_mut().zip(stored) {
                     depth.adam = adam;
-                    match config.training.acting_weights {
-                        ActingNetwork::Online => depth.target = other,
-                        ActingNetwork::Target => depth.online = other,
-                    }
+                    // Either network is the one that acts, from the weights.
+                    let acting = core::mem::take(&mut depth.online);
+                    [depth.online, depth.target] =
+                        config.training.acting_weights.acting_first([acting, other]);
                 }
                 attention.restore(&state)?;
             }
@@ -217,12 +215,9 @@ impl State {
         }
         match (&mut networks.ranker, self.ranker.take()) {
             (Some(ranker), Some(StoredLearner { other, adam })) => {
-                let mut state = RankerState { adam, ..ranker.state() };
-                match config.ranker.acting_weights {
-                    ActingNetwork::Online => state.target = other,
-                    ActingNetwork::Target => state.online = other,
-                }
-                ranker.restore(&state)?;
+                let acting = ranker.state().online;
+                let [online, target] = config.ranker.acting_weights.acting_first([acting, other]);
+                ranker.restore(&RankerState { online, target, adam })?;
             }
             (None, None) => {}
             _ => return Err(damaged("a ranker is in one file and not in the other")),

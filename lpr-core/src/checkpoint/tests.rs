@@ -105,6 +105,7 @@ fn attentive(acting: ActingNetwork) -> Trainer<Toy> {
         cell_channels: 8,
         block_channels: 12,
         head_channels: 4,
+        attended_channels: 4,
         hidden: 16,
         harmonics: 4,
     };
@@ -131,7 +132,11 @@ fn the_weights_alone_make_an_agent_that_ranks_alike() {
     let networks = &saved.agent.networks;
     let acting = |networks: &crate::agent::Networks| {
         let state = networks.ranker.as_ref().map(|ranker| ranker.state());
-        state.map(|state| state.acting_first(config().ranker.acting_weights)[0].clone())
+        state.map(|state| {
+            let [acting, _] =
+                config().ranker.acting_weights.acting_first([state.online, state.target]);
+            acting
+        })
     };
     assert_eq!(acting(networks), acting(&trainer.agent().networks));
 }

@@ -6,6 +6,7 @@ use crate::digest;
 use crate::error::{Error, Result};
 use crate::networks::{Init, Networks};
 use crate::nn::NamedTensor;
+use crate::ranker::RankerState;
 use crate::robot::Robot;
 use crate::train::{Progress, Run, Trainer};
 
@@ -117,11 +118,12 @@ pub(super) fn write<E>(trainer: &Trainer<E>) -> Result<Vec<u8>> {
     for (depth_idx, depth) in
         networks.q_attention.iter().flat_map(|agent| agent.state().depths).enumerate()
     {
-        let [acting, _] = depth.acting_first(acting);
+        let [acting, _] = acting.acting_first([depth.online, depth.target]);
         tensors.extend(named(&depth_name(depth_idx), acting));
     }
     if let Some(ranker) = &networks.ranker {
-        let [acting, _] = ranker.state().acting_first(trainer.config.ranker.acting_weights);
+        let RankerState { online, target, .. } = ranker.state();
+        let [acting, _] = trainer.config.ranker.acting_weights.acting_first([online, target]);
         tensors.extend(named("ranker", acting));
     }
     if let Some(policy) = &networks.policy {

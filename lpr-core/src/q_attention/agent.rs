@@ -8,21 +8,21 @@ pub use learning::UpdateReport;
 use super::action::{ActionCodec, DiscreteAction, canonical};
 use super::grasp::Hand;
 use super::loss::{Choices, chosen_values};
-use super::network::{ArmInput, Heads, NetworkCost, NetworkInput, QNetwork, QValues};
+use super::network::{ArmInput, DepthInput, NetworkCost, NetworkInput, QNetwork, QValues};
 use super::next_best_pose::NextBestPose;
 use super::observation::QObservation;
 use super::position::mean_around;
 use super::settings::{Imitation, Position, QAttentionSettings};
 use crate::error::{Error, Result};
 use crate::nn::{
-    Adam, AdamSettings, AdamState, Backend, GradientClip, NamedTensor, export, import,
+    Adam, AdamSettings, AdamState, Backend, GradientClip, NamedTensor, export, import, ints,
     values as floats,
 };
 use crate::perception::{Proprio, VoxelBounds, VoxelGrid, VoxelIndex, VoxelSpace};
 use crate::rng::Rng;
 use crate::robot::Gripper;
 
-use burn::tensor::{Device, Int, Tensor};
+use burn::tensor::Device;
 use glamx::{Pose3, Vec3};
 use serde::{Deserialize, Serialize};
 
@@ -51,6 +51,16 @@ pub enum ActingNetwork {
     Online,
     /// The running mean of it, whose choices change less from one update to the next.
     Target,
+}
+
+impl ActingNetwork {
+    /// An online and a target network: the one that acts first. Its own inverse.
+    pub(crate) fn acting_first<T>(self, [online, target]: [T; 2]) -> [T; 2] {
+        match self {
+            Self::Online => [online, target],
+            Self::Target => [target, online],
+        }
+    }
 }
 
 impl Depth {
@@ -108,17 +118,6 @@ pub struct DepthState {
     pub adam: AdamState,
 }
 
-impl DepthState {
-    /// Its online and target network: the one that `acting` names first.
-    #[must_use]
-    pub fn acting_first(self, acting: ActingNetwork) -> [Vec<NamedTensor>; 2] {
-        match acting {
-            ActingNetwork::Online => [self.online, self.target],
-            ActingNetwork::Target => [self.target, self.online],
-        }
-    }
-}
-
 impl QAttention {
     /// An agent with fresh weights for the scene within `bounds`.
     ///
@@ -136,12 +135,9 @@ impl QAttention {
         let clip = settings.gradient_clip.map_or(GradientClip::None, GradientClip::Value);
         let adam =
             AdamSettings { learning_rate: settings.learning_rate, l2: settings.weight_decay, clip };
-        let n_depths = codec.n_depths();
-        let depths = (0..n_depths)
+        let depths = (0..codec.n_depths())
             .map(|depth_idx| {
-                let heads =
-                    if depth_idx + 1 == n_depths { Heads::Pose } else { Heads::Translation };
-                let online = QNetwork::new(&settings, heads, &device, rng);
+                let online = QNetwork::new(&settings, depth_idx, &device, rng);
                 Depth { target: online.clone(), adam: Adam::new(adam, &online), online }
             })
             .collect();
@@ -185,20 +181,18 @@ impl QAttention {
         for (depth_idx, depth) in self.depths.iter().enumerate() {
             let space =
                 self.codec.zoom(depth_idx, center).expect("there is a space for each depth");
-            let grid = VoxelGrid::voxelise(observation.colored_points(), space);
+            let grid = |space| VoxelGrid::voxelise(observation.colored_points(), space);
+            let seen = [self.seen(depth_idx, space, grid, &observation.proprio)];
             let network = depth.network(weights);
-            let values = network.forward(NetworkInput::new(
-                network,
-                core::slice::from_ref(&grid),
-                &[ArmInput::new(&self.settings, depth_idx, &observation.proprio)],
-                &self.device,
-            ));
+            let values = network.forward(NetworkInput::new(network, &seen, &self.device));
             let best = Choices::best(&values);
             let voxel = space.voxel_from_flat(ints(best.voxel.clone())[0]);
-            point = self.position(&space, &values, voxel);
+            let translation = floats(values.translation.clone());
+            point = self.position(&space, &translation, voxel);
             center = space.point_from_voxel(guide.get(depth_idx).copied().unwrap_or(voxel));
             voxels.push(voxel);
-            depths.push(DepthDecision { grid, values: floats(values.translation.clone()) });
+            let [DepthInput { grid, .. }] = seen;
+            depths.push(DepthDecision { grid, values: translation });
             last = Some((values, best));
         }
         let (values, best) = last.expect("there is at least one depth");
@@ -257,11 +251,26 @@ impl QAttention {
         NextBestPose { pose, ..goal }
     }
 
+    /// What a depth sees with `space` as its own, where `grid` voxelises the observation.
+    fn seen(
+        &self,
+        depth_idx: usize,
+        space: VoxelSpace,
+        grid: impl Fn(VoxelSpace) -> VoxelGrid,
+        proprio: &Proprio,
+    ) -> DepthInput {
+        DepthInput {
+            grid: grid(space),
+            wide: self.codec.wide(depth_idx, &space).map(grid),
+            arm: ArmInput::new(&self.settings, depth_idx, proprio),
+        }
+    }
+
     /// Where the agent goes within `best` of the last depth.
-    fn position(&self, space: &VoxelSpace, values: &QValues, best: VoxelIndex) -> Vec3 {
+    fn position(&self, space: &VoxelSpace, values: &[f32], best: VoxelIndex) -> Vec3 {
         match (self.settings.position, self.settings.imitation) {
             (Position::Interpolated, Some(Imitation { temperature, .. })) => {
-                mean_around(space, &floats(values.translation.clone()), best, temperature)
+                mean_around(space, values, best, temperature)
             }
             _ => space.point_from_voxel(best),
         }
@@ -313,11 +322,3 @@ impl QAttention {
 
 /// Index of [`Gripper::Open`] among the gripper's values.
 const OPEN: usize = 1;
-
-fn ints<const D: usize>(tensor: Tensor<D, Int>) -> Vec<usize> {
-    tensor
-        .into_data()
-        .iter::<i64>()
-        .map(|index| usize::try_from(index).expect("indices are not negative"))
-        .collect()
-}

@@ -4,11 +4,11 @@ use super::action::ActionCodec;
 use super::grasp::{HalfTurn, Hand};
 use super::next_best_pose::NextBestPose;
 use super::observation::QObservation;
-use super::settings::QAttentionSettings;
+use super::settings::{HandJitter, QAttentionSettings};
 use crate::perception::{PointTransform, Proprio, VoxelGrid, VoxelSpace};
 use crate::rng::Rng;
 
-use glamx::Vec3;
+use glamx::{Quat, Vec3};
 use rand::RngExt as _;
 
 /// Draws of an augmentation that keeps the label inside, before the sample is used as it is.
@@ -51,6 +51,9 @@ pub(super) struct Augmented<'a> {
     pub(super) sample: QSample<'a>,
     /// Motion that was applied to observation, action and next observation.
     pub(super) transform: PointTransform,
+    /// Motion of the hand beside it, of a free one and of one that holds something: shift, and turn
+    /// about the vertical.
+    hand_jitter: [(Vec3, f32); 2],
     /// Position of the moved action in the world, metres.
     pub(super) point: Vec3,
     /// For each depth, what it sees and the voxel of the action in it.
@@ -92,7 +95,11 @@ impl<'a> Augmented<'a> {
             if let Some(augmented) =
                 Self::new(sample, codec, settings.half_turn, transform, &jitters)
             {
-                return Some(augmented);
+                let ranges = settings.hand_jitter.map(|HandJitter { free, held }| [free, held]);
+                let hand_jitter = ranges.map_or(augmented.hand_jitter, |ranges| {
+                    ranges.map(|range| (jitter(range.shift, rng), symmetric(range.turn, rng)))
+                });
+                return Some(Self { hand_jitter, ..augmented });
             }
         }
         // No draw kept the label: the sample is learned as it was seen.
@@ -125,7 +132,8 @@ impl<'a> Augmented<'a> {
         }
         let half_turned = rotation.dot(pose.rotation).abs() < HALF_TURNED;
         let rotation = codec.rotation.encode(rotation);
-        Some(Self { sample, transform, point: pose.translation, depths, rotation, half_turned })
+        let (point, hand_jitter) = (pose.translation, [(Vec3::ZERO, 0.0); 2]);
+        Some(Self { sample, transform, hand_jitter, point, depths, rotation, half_turned })
     }
 
     /// Its label of the rotation.
@@ -134,20 +142,19 @@ impl<'a> Augmented<'a> {
         AugmentedLabel { yaw, rotation, half_turned }
     }
 
-    /// The moved observation before the action, voxelised in the cube of a depth.
-    pub(super) fn grid(&self, depth_idx: usize) -> VoxelGrid {
-        self.moved_grid(self.sample.observation, self.depths[depth_idx].space)
-    }
-
     /// A moved observation, voxelised in `space`.
     pub(super) fn moved_grid(&self, observation: &QObservation, space: VoxelSpace) -> VoxelGrid {
         VoxelGrid::voxelise(self.transform.apply(observation.colored_points()), space)
     }
 
-    /// Proprioception of a moved observation: the grip moves along; joint angles stay, and no
-    /// network reads them.
+    /// Proprioception of a moved observation: the grip moves along, and as [`HandJitter`] says
+    /// beside it; joint angles stay, and no network reads them.
     pub(super) fn moved_proprio(&self, observation: &QObservation) -> Proprio {
-        moved(&self.transform, &observation.proprio)
+        let mut proprio = moved(&self.transform, &observation.proprio);
+        let (shift, turn) = self.hand_jitter[usize::from(proprio.holds())];
+        proprio.grip.translation += shift;
+        proprio.grip.rotation = Quat::from_rotation_z(turn) * proprio.grip.rotation;
+        proprio
     }
 }
 
@@ -168,12 +175,13 @@ fn jitter(range: f32, rng: &mut Rng) -> Vec3 {
 mod tests {
     use super::*;
     use crate::perception::VoxelBounds;
+    use crate::q_attention::settings::Jitter;
     use crate::q_attention::settings::tests::{test_proprio, test_settings};
     use crate::rng::{Stream, stream};
     use crate::robot::{Gripper, PANDA};
 
     use core::f32::consts::PI;
-    use glamx::{Pose3, Quat};
+    use glamx::Pose3;
     use proptest::prelude::{any, prop_assert, prop_assert_eq, proptest};
 
     /// A scene with one point, and a pose at that point.
@@ -215,7 +223,7 @@ mod tests {
 
             prop_assert_eq!(augmented.depths.len(), codec.n_depths());
             for (depth_idx, label) in augmented.depths.iter().enumerate() {
-                let grid = augmented.grid(depth_idx);
+                let grid = augmented.moved_grid(&observation, label.space);
                 prop_assert!(grid.is_occupied(label.space.voxel_from_flat(label.flat)), "depth {}", depth_idx);
                 if depth_idx > 0 {
                     let before = &augmented.depths[depth_idx - 1];
@@ -270,5 +278,36 @@ mod tests {
         let moved_seen = augmented.moved_proprio(&observation).grip.inverse() * moved;
         assert!(augmented.transform.yaw.abs() > 1e-3);
         assert!((seen_from_grip - moved_seen).length() < 1e-5);
+    }
+
+    #[test]
+    fn the_hand_is_told_from_elsewhere_a_free_one_and_one_that_holds_something_each_in_its_range() {
+        let free = Jitter { shift: 0.1, turn: 0.8 };
+        let held = Jitter { shift: 0.01, turn: 0.1 };
+        let hand_jitter = Some(HandJitter { free, held });
+        let settings = QAttentionSettings { hand_jitter, ..test_settings() };
+        let codec = ActionCodec::new(&settings, VoxelBounds::scene(&PANDA).unwrap())
+            .expect("settings that fit together");
+        let (observation, action) = point_and_pose([0.4, 0.6, 0.3], Quat::from_rotation_x(PI));
+        let mut holding = observation.clone();
+        holding.proprio.gripper_open = 0.0;
+        holding.proprio.gripper_width = 0.03;
+        for (observation, range) in [(&observation, free), (&holding, held)] {
+            let (mut farthest, mut most) = (0.0_f32, 0.0_f32);
+            for seed in 0..50 {
+                let rng = &mut stream(seed, Stream::Augment, 0);
+                let augmented =
+                    Augmented::draw(sample(observation, action), &codec, &settings, rng)
+                        .expect("the action is within bounds");
+                let truth = augmented.transform.pose() * observation.proprio.grip;
+                let told = augmented.moved_proprio(observation).grip;
+                let off = (told.translation - truth.translation).abs().max_element();
+                let turn = told.rotation * truth.rotation.inverse();
+                assert!(turn.xyz().truncate().length() < 1e-5, "about the vertical");
+                (farthest, most) = (farthest.max(off), most.max(2.0 * turn.z.abs().asin()));
+            }
+            assert!((0.9..=1.001).contains(&(farthest / range.shift)), "{farthest} m");
+            assert!((0.9..=1.001).contains(&(most / range.turn)), "{most} rad");
+        }
     }
 }

@@ -8,9 +8,10 @@ mod paper;
 mod unet;
 
 use super::settings::{NetworkSettings, QAttentionSettings};
+use crate::perception::VOXEL_CHANNELS;
 use crate::rng::Rng;
-pub(super) use input::ArmInput;
 pub use input::NetworkInput;
+pub(super) use input::{ArmInput, DepthInput};
 pub use unet::UNet;
 
 use fast::{FastHeadSizes, FastNetwork, FastSizes};
@@ -53,30 +54,25 @@ pub struct QNetwork {
     fast: Option<FastNetwork>,
 }
 
-/// The parts of an action that a network values.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Heads {
-    /// Voxels only: every depth but the last.
-    Translation,
-    /// Voxels, rotation bins and gripper: the last depth.
-    Pose,
-}
-
 impl QNetwork {
-    /// A network with fresh weights.
+    /// A network with fresh weights for a depth: voxels are valued at each, rotation and gripper at
+    /// the last.
     #[must_use]
     pub fn new(
         settings: &QAttentionSettings,
-        heads: Heads,
+        depth_idx: usize,
         device: &Device,
         rng: &mut Rng,
     ) -> Self {
         let side = settings.voxels_per_side;
+        let has_head = depth_idx + 1 == settings.n_depths();
+        let has_wide = depth_idx > 0 && settings.wide_half_width.is_some();
+        let channels = VOXEL_CHANNELS * (1 + usize::from(has_wide));
         let rotation_bins = settings.rotation_bins;
         let proprio = input::n_proprio(settings.half_turn);
         match settings.network {
             NetworkSettings::Paper { channels, bottleneck, hidden } => {
-                let rotation_bins = (heads == Heads::Pose).then_some(rotation_bins);
+                let rotation_bins = has_head.then_some(rotation_bins);
                 let sizes =
                     PaperSizes { side, proprio, channels, bottleneck, hidden, rotation_bins };
                 Self { paper: Some(PaperNetwork::new(sizes, device, rng)), fast: None }
@@ -85,12 +81,19 @@ impl QNetwork {
                 cell_channels,
                 block_channels,
                 head_channels,
+                attended_channels,
                 hidden,
                 harmonics,
             } => {
-                let sizes = FastSizes { side, proprio, cell_channels, block_channels };
-                let head = FastHeadSizes { head_channels, hidden, rotation_bins, harmonics };
-                let head = (heads == Heads::Pose).then_some(head);
+                let sizes = FastSizes { side, channels, proprio, cell_channels, block_channels };
+                let head = FastHeadSizes {
+                    head_channels,
+                    attended_channels,
+                    hidden,
+                    rotation_bins,
+                    harmonics,
+                };
+                let head = has_head.then_some(head);
                 Self { paper: None, fast: Some(FastNetwork::new(sizes, head, device, rng)) }
             }
         }

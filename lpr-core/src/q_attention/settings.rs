@@ -45,6 +45,11 @@ pub struct QAttentionSettings {
     /// Greatest random shift of the cube of a later depth from its label, as a fraction of its half
     /// width (released: 0.75).
     pub crop_jitter: f32,
+    /// Half side of a wider cube around the same point that every depth after the first sees too,
+    /// metres; none: it sees its own cube alone, where the way that a bottle has to point to a rack
+    /// half a metre off does not show.
+    #[serde(default)]
+    pub wide_half_width: Option<f32>,
     /// Where in the best voxel of the last depth the agent goes.
     #[serde(default)]
     pub position: Position,
@@ -60,8 +65,35 @@ pub struct QAttentionSettings {
     /// Largest shift along x, y, z that a sampled observation and its action undergo, metres
     /// (released: 0).
     pub shift_range: Vec3,
+    /// Motion of the pose that networks are told of the hand, while they learn.
+    #[serde(default)]
+    pub hand_jitter: Option<HandJitter>,
     /// The networks, one of the same kind per depth.
     pub network: NetworkSettings,
+}
+
+/// Random motion, in learning alone, of the pose that networks are told of the hand.
+///
+/// The agent itself has put the hand where it is, and in demonstrations it is always at the same
+/// place before the same pose: networks that are told exactly where repeat their last error, above
+/// the wrong thing or across it, instead of looking.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct HandJitter {
+    /// Of a hand that holds nothing.
+    pub free: Jitter,
+    /// Of one that holds something: where that goes depends on how it is held.
+    pub held: Jitter,
+}
+
+/// Largest motion of a pose.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Jitter {
+    /// Along each axis, metres.
+    pub shift: f32,
+    /// About the vertical, radians.
+    pub turn: f32,
 }
 
 /// What the three place channels of a voxel tell.
@@ -132,6 +164,9 @@ pub enum NetworkSettings {
         block_channels: usize,
         /// Channels of a block that the rotation head reads in place.
         head_channels: usize,
+        /// Channels of what it reads around the attended voxel; 0: it does not.
+        #[serde(default)]
+        attended_channels: usize,
         /// Hidden units of the rotation and gripper head.
         hidden: usize,
         /// Harmonics of the full circle that the values of an Euler angle are made of.
@@ -179,9 +214,25 @@ impl QAttentionSettings {
             let holds = half.is_finite() && *half > 0.0;
             setting(holds, &format!("zoom_half_widths[{idx}]"), "a finite length above 0", half)?;
         }
+        if let Some(half) = self.wide_half_width {
+            let holds = half.is_finite() && half > 0.0;
+            setting(holds, "wide_half_width", "a finite length above 0", half)?;
+            let reads = matches!(self.network, NetworkSettings::Fast { .. });
+            setting(reads, "wide_half_width", "a network of kind fast, which reads it", "paper")?;
+        }
         // At 1 the label could lie outside the cube.
         let jitter = self.crop_jitter;
         setting((0.0..1.0).contains(&jitter), "crop_jitter", "from 0, below 1", jitter)?;
+        if let Some(HandJitter { free, held }) = self.hand_jitter {
+            for (name, range) in [
+                ("hand_jitter.free.shift", free.shift),
+                ("hand_jitter.free.turn", free.turn),
+                ("hand_jitter.held.shift", held.shift),
+                ("hand_jitter.held.turn", held.turn),
+            ] {
+                setting((0.0..=4.0).contains(&range), name, "from 0 to 4", range)?;
+            }
+        }
         for (name, share) in [("discount", self.discount), ("target_mix", self.target_mix)] {
             setting((0.0..=1.0).contains(&share), name, "0 to 1", share)?;
         }
@@ -210,15 +261,18 @@ pub(super) mod tests {
             rotation_regularisation: 1.0,
             imitation: None,
             crop_jitter: 0.5,
+            wide_half_width: None,
             position: Position::Voxel,
             places: Places::Grid,
             half_turn: HalfTurn::Relative,
             yaw_range: 0.5,
             shift_range: Vec3::new(0.1, 0.1, 0.0),
+            hand_jitter: None,
             network: NetworkSettings::Fast {
                 cell_channels: 8,
                 block_channels: 12,
                 head_channels: 4,
+                attended_channels: 8,
                 hidden: 16,
                 harmonics: 4,
             },

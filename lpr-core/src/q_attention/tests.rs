@@ -212,6 +212,7 @@ fn gradients_of_the_loss_are_its_differences() {
             cell_channels: 3,
             block_channels: 4,
             head_channels: 2,
+            attended_channels: 4,
             hidden: 5,
             harmonics: 2,
         },
@@ -219,7 +220,7 @@ fn gradients_of_the_loss_are_its_differences() {
     };
     let plain = Backend::Flex.device();
     let rng = &mut stream(3, Stream::Init, 0);
-    let network = QNetwork::new(&settings, Heads::Pose, &plain, rng);
+    let network = QNetwork::new(&settings, 1, &plain, rng);
     // Output layers start at zero, where nothing before them has a gradient.
     let mut tensors = export(&network);
     tensors
@@ -266,6 +267,7 @@ fn loss_of(network: &QNetwork, device: &burn::tensor::Device) -> Tensor<1> {
             device,
         ),
         proprio: tensor(random(28, rng), [2, 14], device),
+        attended: Some(vec![17, 400]),
     };
     let ints = |values: Vec<i32>| TensorData::new(values, [2, 1]);
     let choices = loss::Choices {

@@ -4,15 +4,15 @@ use super::super::batch::{Augmented, AugmentedLabel, QSample};
 use super::super::loss::{
     Choices, LossWeights, PerSample, SpreadLabels, chosen_values, depth_loss, td_target,
 };
-use super::super::network::{ArmInput, NetworkInput};
+use super::super::network::{DepthInput, NetworkInput};
 use super::super::next_best_pose::NextBestPose;
 use super::super::observation::QObservation;
 use super::super::position::{SURROUNDING, surrounding};
 use super::super::settings::Position;
-use super::{Depth, QAttention, ints};
+use super::{Depth, QAttention};
 use crate::in_order::each_with_scratch;
 use crate::nn::{
-    ParameterGradients, in_halves, mix, parameter_gradients, sum_of_gradients, tensor,
+    ParameterGradients, in_halves, ints, mix, parameter_gradients, sum_of_gradients, tensor,
     values as floats,
 };
 use crate::perception::VoxelSpace;
@@ -159,28 +159,30 @@ impl QAttention {
         spaces: &[VoxelSpace],
     ) -> (Vec<f32>, Vec<usize>) {
         let next = |i: usize| batch[i].sample.next.expect("only samples that go on are asked for");
-        let grids = going_on
+        let samples = going_on
             .iter()
             .zip(spaces)
-            .map(|(&i, &space)| batch[i].moved_grid(next(i), space))
+            .map(|(&i, &space)| self.input(depth_idx, &batch[i], next(i), space))
             .collect::<Vec<_>>();
-        let arms = going_on.iter().map(|&i| self.arm(depth_idx, &batch[i], next(i)));
-        let arms = arms.collect::<Vec<_>>();
         let depth = &self.depths[depth_idx];
-        let input = NetworkInput::new(&depth.online, &grids, &arms, &self.device);
+        let input = NetworkInput::new(&depth.online, &samples, &self.device);
         let best = Choices::best(&depth.online.forward(input.clone()));
+        let voxels = ints(best.voxel.clone());
+        let input = input.attending(voxels.clone());
         let values = chosen_values(&depth.target.forward(input), &best).mean_dim(1);
-        (floats(values), ints(best.voxel))
+        (floats(values), voxels)
     }
 
-    /// What the networks are told of the arm in a moved observation.
-    fn arm(
+    /// What a depth sees in `space` of a moved observation.
+    fn input(
         &self,
         depth_idx: usize,
         sample: &Augmented<'_>,
         observation: &QObservation,
-    ) -> ArmInput {
-        ArmInput::new(&self.settings, depth_idx, &sample.moved_proprio(observation))
+        space: VoxelSpace,
+    ) -> DepthInput {
+        let grid = |space| sample.moved_grid(observation, space);
+        self.seen(depth_idx, space, grid, &sample.moved_proprio(observation))
     }
 
     fn space(&self, depth_idx: usize, center: Vec3) -> VoxelSpace {
@@ -196,13 +198,17 @@ impl QAttention {
         n_samples: usize,
     ) -> DepthPart {
         let device = self.device.clone().autodiff();
-        let grids = batch.iter().map(|sample| sample.grid(depth_idx)).collect::<Vec<_>>();
-        let arms = batch
+        let samples = batch
             .iter()
-            .map(|sample| self.arm(depth_idx, sample, sample.sample.observation))
+            .map(|sample| {
+                let space = sample.depths[depth_idx].space;
+                self.input(depth_idx, sample, sample.sample.observation, space)
+            })
             .collect::<Vec<_>>();
         let leaves = self.depths[depth_idx].online.clone().train();
-        let values = leaves.forward(NetworkInput::new(&leaves, &grids, &arms, &device));
+        let voxels = batch.iter().map(|sample| sample.depths[depth_idx].flat).collect();
+        let input = NetworkInput::new(&leaves, &samples, &device).attending(voxels);
+        let values = leaves.forward(input);
         let choices = labels(depth_idx, batch, values.pose.is_some(), &device);
         let loss_weights = LossWeights {
             translation: self.settings.translation_regularisation[depth_idx],

@@ -9,14 +9,14 @@
 //!
 //! About 30 times fewer operations than C2F-ARM's U-Net. The head reads the features of the quarter
 //! grid in place beside their maximum, because yaw shows in where things are around the attended
-//! voxel; and the values of an Euler angle are a short Fourier series over the circle, so that one
+//! voxel; it can read the cells around the attended voxel too, wherever that is, so that a thing
+//! shows its yaw alike everywhere; and the values of an Euler angle are a short Fourier series over the circle, so that one
 //! demonstrated angle also teaches its neighbours. Positions in the input are within the voxel, not
 //! in the world.
 
 use super::blocks::{block_of_raster, raster_of_block};
 use super::{NetworkInput, PoseValues, QValues};
-use crate::nn::{Activation, Dense, Padding, Spread, Tiles, tensor};
-use crate::perception::VOXEL_CHANNELS;
+use crate::nn::{Activation, Dense, Padding, Spread, Tiles, ints, tensor};
 use crate::rng::Rng;
 
 use burn::module::Module;
@@ -38,6 +38,8 @@ const KAIMING: Spread = Spread::Kaiming { slope: 0.0 };
 #[derive(Debug, Clone, Copy)]
 pub(super) struct FastSizes {
     pub(super) side: usize,
+    /// Channels of a voxel.
+    pub(super) channels: usize,
     /// Numbers of the proprioception.
     pub(super) proprio: usize,
     pub(super) cell_channels: usize,
@@ -48,6 +50,7 @@ pub(super) struct FastSizes {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct FastHeadSizes {
     pub(super) head_channels: usize,
+    pub(super) attended_channels: usize,
     pub(super) hidden: usize,
     pub(super) rotation_bins: usize,
     pub(super) harmonics: usize,
@@ -75,6 +78,7 @@ pub(super) struct FastNetwork {
 /// Where the voxels, cells and blocks of a sample stand: in block order, 4³ voxels a block.
 #[derive(Debug)]
 struct Order {
+    side: usize,
     raster_of_row: Vec<usize>,
     row_of_raster: Vec<i32>,
     cells: Arc<Tiles>,
@@ -89,11 +93,31 @@ impl Order {
         };
         let row_of_raster = block_of_raster(side, 4).into_iter().map(|row| row as i32).collect();
         Self {
+            side,
             raster_of_row: raster_of_block(side, 4),
             row_of_raster,
             cells: tiles(side / 2, 2),
             blocks: tiles(side / 4, 1),
         }
+    }
+
+    /// Rows of the cells around a voxel of each of the samples; beyond the grid the outermost.
+    fn cells_around(&self, voxels: &[usize]) -> Vec<i32> {
+        let (side, n_cells) = (self.side, self.row_of_raster.len() / BLOCK);
+        let mut rows = Vec::with_capacity(voxels.len() * NEAR);
+        for (sample, &voxel) in voxels.iter().enumerate() {
+            let at = [voxel % side, voxel / side % side, voxel / (side * side)];
+            for near in 0..NEAR {
+                let step = [near % 3, near / 3 % 3, near / 9];
+                // The voxel at the same place in the cell before, in its own, in the one behind.
+                let [x, y, z] = [0, 1, 2]
+                    .map(|axis| (at[axis] + 2 * step[axis]).saturating_sub(2).min(side - 1));
+                let row = self.row_of_raster[(z * side + y) * side + x] as usize;
+                // A cell's eight voxels are eight rows.
+                rows.push((sample * n_cells + row / BLOCK) as i32);
+            }
+        }
+        rows
     }
 }
 
@@ -106,7 +130,7 @@ impl FastNetwork {
     ) -> Self {
         let FastSizes { side, cell_channels: c, block_channels: b, .. } = sizes;
         Self {
-            stem: Dense::new(BLOCK * VOXEL_CHANNELS, c, KAIMING, device, rng),
+            stem: Dense::new(BLOCK * sizes.channels, c, KAIMING, device, rng),
             cells: Dense::new(NEAR * c, c, KAIMING, device, rng),
             down: Dense::new(BLOCK * c, b, KAIMING, device, rng),
             proprio: Dense::new(sizes.proprio, b, KAIMING, device, rng),
@@ -114,7 +138,7 @@ impl FastNetwork {
             up: Dense::new(b, BLOCK * c, KAIMING, device, rng),
             merge: Dense::new(NEAR * c, c, KAIMING, device, rng),
             spread: Dense::new(c, BLOCK * VOXEL_FEATURES, KAIMING, device, rng),
-            own: Dense::new(VOXEL_CHANNELS, VOXEL_FEATURES, KAIMING, device, rng),
+            own: Dense::new(sizes.channels, VOXEL_FEATURES, KAIMING, device, rng),
             translation: Dense::new(VOXEL_FEATURES, 1, Spread::Zero, device, rng),
             translation_of_cell: Dense::new(c, BLOCK, Spread::Zero, device, rng),
             head: head.map(|head| FastHead::new(sizes, head, device, rng)),
@@ -150,10 +174,18 @@ impl FastNetwork {
             TensorData::new(order.row_of_raster.clone(), [n_voxels]),
             &device,
         );
-        QValues {
-            translation: values.select(1, rows),
-            pose: self.head.as_ref().map(|head| head.forward(blocks, merged, n)),
-        }
+        let translation = values.select(1, rows);
+        let pose = self.head.as_ref().map(|head| {
+            let around = head.attended.is_some().then(|| {
+                let best = || ints(translation.clone().argmax(1));
+                let rows = order.cells_around(&input.attended.unwrap_or_else(best));
+                let rows = TensorData::new(rows, [n * NEAR]);
+                let cells = merged.clone().select(0, Tensor::from_data(rows, &device));
+                cells.reshape([n, NEAR * c])
+            });
+            head.forward(blocks, merged, around, n)
+        });
+        QValues { translation, pose }
     }
 
     /// Raster index of the voxel that stands in each row of the input.
@@ -187,6 +219,7 @@ impl FastNetwork {
 #[derive(Module, Debug)]
 struct FastHead {
     narrow: Dense,
+    attended: Option<Dense>,
     hidden: Dense,
     rotation: Dense,
     gripper: Dense,
@@ -201,9 +234,14 @@ impl FastHead {
         let quarter = sizes.side / 4;
         let n_features = quarter * quarter * quarter * head.head_channels
             + 2 * sizes.block_channels
-            + 2 * sizes.cell_channels;
+            + 2 * sizes.cell_channels
+            + head.attended_channels;
         let n_coefficients = 2 * head.harmonics + 1;
+        let attended = head.attended_channels;
+        let attended = (attended > 0)
+            .then(|| Dense::new(NEAR * sizes.cell_channels, attended, KAIMING, device, rng));
         Self {
+            attended,
             narrow: Dense::new(sizes.block_channels, head.head_channels, KAIMING, device, rng),
             hidden: Dense::new(n_features, head.hidden, KAIMING, device, rng),
             rotation: Dense::new(head.hidden, 3 * n_coefficients, Spread::Zero, device, rng),
@@ -216,11 +254,22 @@ impl FastHead {
     /// # Shapes
     ///
     /// - `blocks`: `[B * blocks, block_channels]`, `cells`: `[B * cells, cell_channels]`
-    fn forward(&self, blocks: Tensor<2>, cells: Tensor<2>, n: usize) -> PoseValues {
+    /// - `around`: `[B, 27 * cell_channels]`, the cells around the attended voxel
+    fn forward(
+        &self,
+        blocks: Tensor<2>,
+        cells: Tensor<2>,
+        around: Option<Tensor<2>>,
+        n: usize,
+    ) -> PoseValues {
         let in_place = self.narrow.activated(blocks.clone(), Activation::Relu);
         let [n_rows, channels] = in_place.dims();
         let in_place = in_place.reshape([n, n_rows / n * channels]);
-        let features = Tensor::cat(vec![in_place, pool(blocks, n), pool(cells, n)], 1);
+        let attended = self.attended.iter().zip(around);
+        let attended = attended.map(|(layer, cells)| layer.activated(cells, Activation::Relu));
+        let mut features = vec![in_place, pool(blocks, n), pool(cells, n)];
+        features.extend(attended);
+        let features = Tensor::cat(features, 1);
         let hidden = self.hidden.activated(features, Activation::Relu);
         let device = hidden.device();
         let coefficients =
@@ -236,6 +285,7 @@ impl FastHead {
     fn macs(&self, n_blocks: usize) -> usize {
         let series = 3 * (2 * self.harmonics + 1) * self.rotation_bins;
         n_blocks * self.narrow.num_params()
+            + self.attended.as_ref().map_or(0, Module::num_params)
             + self.hidden.num_params()
             + self.rotation.num_params()
             + self.gripper.num_params()
@@ -265,4 +315,36 @@ fn fourier_basis(harmonics: usize, n_bins: usize, device: &Device) -> Tensor<2> 
         })
         .collect::<Vec<_>>();
     tensor(basis, [2 * harmonics + 1, n_bins], device)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_cells_around_a_voxel_are_its_own_and_its_neighbours() {
+        let side = 12;
+        let order = Order::new(side);
+        let n_voxels = side * side * side;
+        // Cell of each voxel, in cells from the corner.
+        let cell = |voxel: usize| {
+            [voxel % side, voxel / side % side, voxel / (side * side)].map(|at| at / 2)
+        };
+        let n_cells = n_voxels / BLOCK;
+        let mut cell_of_row = vec![[0; 3]; n_cells];
+        for voxel in 0..n_voxels {
+            cell_of_row[order.row_of_raster[voxel] as usize / BLOCK] = cell(voxel);
+        }
+        let voxels: Vec<_> = (0..n_voxels).collect();
+        for (voxel, rows) in order.cells_around(&voxels).chunks(NEAR).enumerate() {
+            let own = cell(voxel);
+            for (near, &row) in rows.iter().enumerate() {
+                let row = row as usize - voxel * n_cells;
+                let step = [near % 3, near / 3 % 3, near / 9];
+                let expected =
+                    [0, 1, 2].map(|k| (own[k] + step[k]).saturating_sub(1).min(side / 2 - 1));
+                assert_eq!(cell_of_row[row], expected, "voxel {voxel}, neighbour {near}");
+            }
+        }
+    }
 }

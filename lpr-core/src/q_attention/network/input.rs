@@ -7,7 +7,7 @@ use crate::q_attention::grasp::HalfTurn;
 use crate::q_attention::settings::{Places, QAttentionSettings};
 
 use burn::tensor::{Device, Tensor};
-use glamx::{Pose3, Vec3};
+use glamx::Pose3;
 
 /// Distance from the hand that a place channel of 1 stands for, metres.
 const PLACE_SCALE: f32 = 0.2;
@@ -15,11 +15,23 @@ const PLACE_SCALE: f32 = 0.2;
 /// Input of the network of one depth.
 #[derive(Debug, Clone)]
 pub struct NetworkInput {
-    /// `[B, D H W, 10]`: the channels of [`crate::perception::VoxelGrid`] for each voxel, in the
-    /// order of [`QNetwork::raster_of_row`].
+    /// `[B, D H W, 10]` or `[B, D H W, 20]`: the channels of [`crate::perception::VoxelGrid`] for
+    /// each voxel, then those of the wider grid where there is one, in the order of
+    /// [`QNetwork::raster_of_row`].
     pub voxels: Tensor<3>,
     /// `[B, 11]` or `[B, 14]`: what the arm knows of itself, see [`HalfTurn`].
     pub proprio: Tensor<2>,
+    /// Voxel of each sample, flat, whose rotation is asked for; none: the best.
+    pub attended: Option<Vec<usize>>,
+}
+
+/// One sample of what the network of a depth reads.
+#[derive(Debug, Clone)]
+pub(in crate::q_attention) struct DepthInput {
+    pub(in crate::q_attention) grid: VoxelGrid,
+    /// [`QAttentionSettings::wide_half_width`].
+    pub(in crate::q_attention) wide: Option<VoxelGrid>,
+    pub(in crate::q_attention) arm: ArmInput,
 }
 
 /// The arm as the network of a depth is told of it.
@@ -48,35 +60,43 @@ impl ArmInput {
 }
 
 impl NetworkInput {
-    /// Grids and the arm in each as one batch for `network`.
+    /// Samples as one batch for `network`.
     pub(in crate::q_attention) fn new(
         network: &QNetwork,
-        grids: &[VoxelGrid],
-        arms: &[ArmInput],
+        samples: &[DepthInput],
         device: &Device,
     ) -> Self {
-        let n_proprio = arms.first().map_or(0, |arm| arm.features.len());
-        let n_voxels = grids.first().map_or(0, |grid| grid.space.n_voxels());
-        let mut voxels = Vec::with_capacity(grids.len() * n_voxels * VOXEL_CHANNELS);
-        for (grid, arm) in grids.iter().zip(arms) {
+        let n_proprio = samples.first().map_or(0, |sample| sample.arm.features.len());
+        let n_voxels = samples.first().map_or(0, |sample| sample.grid.space.n_voxels());
+        let n_grids = samples.first().map_or(0, |sample| 1 + usize::from(sample.wide.is_some()));
+        let n_channels = n_grids * VOXEL_CHANNELS;
+        let mut voxels = Vec::with_capacity(samples.len() * n_voxels * n_channels);
+        for DepthInput { grid, wide, arm } in samples {
             let hand = arm.hand_from_world.as_ref();
             match network.raster_of_row() {
                 Some(raster_of_row) => {
-                    let half_voxel = 0.5 * grid.space.voxel_size();
-                    voxels.extend(raster_of_row.iter().flat_map(|&flat| {
-                        told_from(hand, centered(grid, flat, half_voxel), grid, flat)
-                    }));
+                    for &flat in raster_of_row {
+                        voxels.extend(told_from(hand, centered(grid, flat), grid, flat));
+                        voxels.extend(wide.iter().flat_map(|wide| centered(wide, flat)));
+                    }
                 }
                 None => voxels.extend(
                     (0..n_voxels).flat_map(|flat| told_from(hand, grid.voxel(flat), grid, flat)),
                 ),
             }
         }
-        let features = arms.iter().flat_map(|arm| arm.features.iter().copied()).collect();
+        let features =
+            samples.iter().flat_map(|sample| sample.arm.features.iter().copied()).collect();
         Self {
-            voxels: tensor(voxels, [grids.len(), n_voxels, VOXEL_CHANNELS], device),
-            proprio: tensor(features, [arms.len(), n_proprio], device),
+            voxels: tensor(voxels, [samples.len(), n_voxels, n_channels], device),
+            proprio: tensor(features, [samples.len(), n_proprio], device),
+            attended: None,
         }
+    }
+
+    /// The same with the rotation at `attended`, the voxel of each sample, flat.
+    pub(in crate::q_attention) fn attending(self, attended: Vec<usize>) -> Self {
+        Self { attended: Some(attended), ..self }
     }
 }
 
@@ -130,7 +150,8 @@ pub(super) const fn n_proprio(half_turn: HalfTurn) -> usize {
 ///
 /// A lesson from one place then holds at every other, and a millimetre is not lost beside a
 /// metre.
-fn centered(grid: &VoxelGrid, flat: usize, half_voxel: Vec3) -> [f32; VOXEL_CHANNELS] {
+fn centered(grid: &VoxelGrid, flat: usize) -> [f32; VOXEL_CHANNELS] {
+    let half_voxel = 0.5 * grid.space.voxel_size();
     let mut channels = grid.voxel(flat);
     let voxel = grid.space.voxel_from_flat(flat);
     if grid.is_occupied(voxel) {
@@ -148,16 +169,16 @@ mod tests {
     use crate::nn::{Backend, values};
     use crate::perception::{VoxelBounds, VoxelSpace};
     use crate::q_attention::half_turned;
-    use crate::q_attention::network::Heads;
     use crate::q_attention::settings::tests::{test_proprio, test_settings};
     use crate::rng::{Stream, stream};
+    use glamx::Vec3;
 
     #[test]
     fn places_are_told_from_a_hand_that_holds_something_whichever_way_round_it_is() {
         let settings = QAttentionSettings { places: Places::Held, ..test_settings() };
         let device = Backend::Flex.device();
         let init = &mut stream(0, Stream::Init, 0);
-        let network = QNetwork::new(&settings, Heads::Translation, &device, init);
+        let network = QNetwork::new(&settings, 0, &device, init);
         let free = test_proprio();
         let hand = Proprio { gripper_open: 0.0, gripper_width: 0.03, ..free };
         let mut turned = hand;
@@ -167,7 +188,8 @@ mod tests {
         let grid = VoxelGrid::voxelise([], space);
         let places = |depth_idx, proprio: &Proprio| {
             let arm = ArmInput::new(&settings, depth_idx, proprio);
-            let input = NetworkInput::new(&network, core::slice::from_ref(&grid), &[arm], &device);
+            let sample = DepthInput { grid: grid.clone(), wide: None, arm };
+            let input = NetworkInput::new(&network, &[sample], &device);
             let place = |voxel: &[f32]| Vec3::from_slice(&voxel[INDEX..INDEX + 3]);
             values(input.voxels).chunks(VOXEL_CHANNELS).map(place).collect::<Vec<_>>()
         };
@@ -186,5 +208,32 @@ mod tests {
         let in_grid = places(0, &hand);
         assert!(in_grid.iter().all(|place| place.min_element() >= 0.0));
         assert_eq!(in_grid, places(1, &free));
+    }
+
+    #[test]
+    fn the_wider_grid_follows_a_voxels_own_channels() {
+        let settings = QAttentionSettings { wide_half_width: Some(0.4), ..test_settings() };
+        let device = Backend::Flex.device();
+        let network = QNetwork::new(&settings, 1, &device, &mut stream(0, Stream::Init, 0));
+        let cube = |half_width| {
+            let bounds = VoxelBounds::cube(Vec3::new(0.3, 0.1, 0.2), half_width);
+            VoxelSpace::new(bounds, [8; 3]).expect("a volume")
+        };
+        // Outside the one, within the other.
+        let point = (Vec3::new(0.6, 0.1, 0.2), [255, 0, 0]);
+        let [grid, wide] = [0.15, 0.4].map(|half| VoxelGrid::voxelise([point], cube(half)));
+        let arm = ArmInput::new(&settings, 1, &test_proprio());
+        let sample = DepthInput { grid, wide: Some(wide.clone()), arm };
+        let input = NetworkInput::new(&network, &[sample], &device);
+        assert_eq!(input.voxels.dims(), [1, 512, 2 * VOXEL_CHANNELS]);
+        let rows = values(input.voxels);
+        for (row, &flat) in
+            rows.chunks(2 * VOXEL_CHANNELS).zip(network.raster_of_row().expect("a fast network"))
+        {
+            assert_eq!(row[VOXEL_CHANNELS..], centered(&wide, flat));
+            let is_seen = wide.is_occupied(wide.space.voxel_from_flat(flat));
+            assert_eq!(row[VOXEL_CHANNELS..VOXEL_CHANNELS + 6].iter().any(|&v| v != 0.0), is_seen);
+            assert!(row[..6].iter().all(|&v| v == 0.0), "it is not in the voxel's own cube");
+        }
     }
 }

@@ -389,6 +389,7 @@ mod tests {
         let output = leaves.forward(NetworkInput {
             voxels: tensor(voxels, [2, 10, n_voxels], &device).swap_dims(1, 2),
             proprio: tensor(numbers(22, 0.3, 0.0, 1.0), [2, 11], &device),
+            attended: None,
         });
         let pose = output.pose.expect("a pose head");
         let [_, axes, bins] = pose.rotation.dims();
