@@ -37,7 +37,6 @@ pub struct DiscreteAction {
 pub struct ActionCodec {
     scene: VoxelSpace,
     zoom_half_widths: Vec<f32>,
-    wide_half_width: Option<f32>,
     /// The code of orientations.
     pub rotation: RotationCodec,
 }
@@ -53,7 +52,6 @@ impl ActionCodec {
         Ok(Self {
             scene: VoxelSpace::new(bounds, [settings.voxels_per_side; 3])?,
             zoom_half_widths: settings.zoom_half_widths.clone(),
-            wide_half_width: settings.wide_half_width,
             rotation: RotationCodec { n_bins: settings.rotation_bins },
         })
     }
@@ -126,14 +124,6 @@ impl ActionCodec {
         let space =
             VoxelSpace::new(VoxelBounds::cube(center, half_width), self.scene.voxels_per_side());
         Some(space.expect("half widths are positive and counts those of the scene"))
-    }
-
-    /// The wider space around the same point that depth `depth_idx` sees beside `space`.
-    pub(super) fn wide(&self, depth_idx: usize, space: &VoxelSpace) -> Option<VoxelSpace> {
-        let half_width = self.wide_half_width.filter(|_| depth_idx > 0)?;
-        let center = space.bounds().min + 0.5 * space.bounds().size;
-        let wide = VoxelSpace::new(VoxelBounds::cube(center, half_width), space.voxels_per_side());
-        Some(wide.expect("half widths are positive and counts those of the scene"))
     }
 }
 

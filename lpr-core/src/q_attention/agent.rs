@@ -259,9 +259,14 @@ impl QAttention {
         grid: impl Fn(VoxelSpace) -> VoxelGrid,
         proprio: &Proprio,
     ) -> DepthInput {
+        let wide = self.settings.wide_half_width.filter(|_| depth_idx > 0).map(|half_width| {
+            let center = space.bounds().min + 0.5 * space.bounds().size;
+            VoxelSpace::new(VoxelBounds::cube(center, half_width), space.voxels_per_side())
+                .expect("half widths are positive and counts those of the scene")
+        });
         DepthInput {
             grid: grid(space),
-            wide: self.codec.wide(depth_idx, &space).map(grid),
+            wide: wide.map(grid),
             arm: ArmInput::new(&self.settings, depth_idx, proprio),
         }
     }
