@@ -182,7 +182,8 @@ impl QAttention {
             let space =
                 self.codec.zoom(depth_idx, center).expect("there is a space for each depth");
             let grid = |space| VoxelGrid::voxelise(observation.colored_points(), space);
-            let seen = [self.seen(depth_idx, space, grid, &observation.proprio)];
+            let arm = ArmInput::new(&self.settings, depth_idx, &observation.proprio, None);
+            let seen = [self.seen(depth_idx, space, grid, arm)];
             let network = depth.network(weights);
             let values = network.forward(NetworkInput::new(network, &seen, &self.device));
             let best = Choices::best(&values);
@@ -257,18 +258,14 @@ impl QAttention {
         depth_idx: usize,
         space: VoxelSpace,
         grid: impl Fn(VoxelSpace) -> VoxelGrid,
-        proprio: &Proprio,
+        arm: ArmInput,
     ) -> DepthInput {
         let wide = self.settings.wide_half_width.filter(|_| depth_idx > 0).map(|half_width| {
             let center = space.bounds().min + 0.5 * space.bounds().size;
             VoxelSpace::new(VoxelBounds::cube(center, half_width), space.voxels_per_side())
                 .expect("half widths are positive and counts those of the scene")
         });
-        DepthInput {
-            grid: grid(space),
-            wide: wide.map(grid),
-            arm: ArmInput::new(&self.settings, depth_idx, proprio),
-        }
+        DepthInput { grid: grid(space), wide: wide.map(grid), arm }
     }
 
     /// Where the agent goes within `best` of the last depth.

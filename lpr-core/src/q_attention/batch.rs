@@ -2,13 +2,14 @@
 
 use super::action::ActionCodec;
 use super::grasp::{HalfTurn, Hand};
+use super::network::HandMotion;
 use super::next_best_pose::NextBestPose;
 use super::observation::QObservation;
 use super::settings::{HandJitter, QAttentionSettings};
 use crate::perception::{PointTransform, Proprio, VoxelGrid, VoxelSpace};
 use crate::rng::Rng;
 
-use glamx::{Quat, Vec3};
+use glamx::Vec3;
 use rand::RngExt as _;
 
 /// Draws of an augmentation that keeps the label inside, before the sample is used as it is.
@@ -51,9 +52,8 @@ pub(super) struct Augmented<'a> {
     pub(super) sample: QSample<'a>,
     /// Motion that was applied to observation, action and next observation.
     pub(super) transform: PointTransform,
-    /// Motion of the hand beside it, of a free one and of one that holds something: shift, and turn
-    /// about the vertical.
-    hand_jitter: [(Vec3, f32); 2],
+    /// Motion of the hand that networks are told of: of a free one, and of one that holds something.
+    hand_jitter: Option<[HandMotion; 2]>,
     /// Position of the moved action in the world, metres.
     pub(super) point: Vec3,
     /// For each depth, what it sees and the voxel of the action in it.
@@ -95,9 +95,11 @@ impl<'a> Augmented<'a> {
             if let Some(augmented) =
                 Self::new(sample, codec, settings.half_turn, transform, &jitters)
             {
-                let ranges = settings.hand_jitter.map(|HandJitter { free, held }| [free, held]);
-                let hand_jitter = ranges.map_or(augmented.hand_jitter, |ranges| {
-                    ranges.map(|range| (jitter(range.shift, rng), symmetric(range.turn, rng)))
+                let hand_jitter = settings.hand_jitter.map(|HandJitter { free, held }| {
+                    [free, held].map(|range| HandMotion {
+                        shift: jitter(range.shift, rng),
+                        turn: symmetric(range.turn, rng),
+                    })
                 });
                 return Some(Self { hand_jitter, ..augmented });
             }
@@ -132,8 +134,8 @@ impl<'a> Augmented<'a> {
         }
         let half_turned = rotation.dot(pose.rotation).abs() < HALF_TURNED;
         let rotation = codec.rotation.encode(rotation);
-        let (point, hand_jitter) = (pose.translation, [(Vec3::ZERO, 0.0); 2]);
-        Some(Self { sample, transform, hand_jitter, point, depths, rotation, half_turned })
+        let point = pose.translation;
+        Some(Self { sample, transform, hand_jitter: None, point, depths, rotation, half_turned })
     }
 
     /// Its label of the rotation.
@@ -147,14 +149,16 @@ impl<'a> Augmented<'a> {
         VoxelGrid::voxelise(self.transform.apply(observation.colored_points()), space)
     }
 
-    /// Proprioception of a moved observation: the grip moves along, and as [`HandJitter`] says
-    /// beside it; joint angles stay, and no network reads them.
+    /// Proprioception of a moved observation: the grip moves along; joint angles stay, and no
+    /// network reads them.
     pub(super) fn moved_proprio(&self, observation: &QObservation) -> Proprio {
-        let mut proprio = moved(&self.transform, &observation.proprio);
-        let (shift, turn) = self.hand_jitter[usize::from(proprio.holds())];
-        proprio.grip.translation += shift;
-        proprio.grip.rotation = Quat::from_rotation_z(turn) * proprio.grip.rotation;
-        proprio
+        moved(&self.transform, &observation.proprio)
+    }
+
+    /// From where networks are told of the hand of an observation.
+    pub(super) fn hand_jitter(&self, observation: &QObservation) -> Option<HandMotion> {
+        let [free, held] = self.hand_jitter?;
+        Some(if observation.proprio.holds() { held } else { free })
     }
 }
 
@@ -181,7 +185,7 @@ mod tests {
     use crate::robot::{Gripper, PANDA};
 
     use core::f32::consts::PI;
-    use glamx::Pose3;
+    use glamx::{Pose3, Quat};
     use proptest::prelude::{any, prop_assert, prop_assert_eq, proptest};
 
     /// A scene with one point, and a pose at that point.
@@ -299,12 +303,9 @@ mod tests {
                 let augmented =
                     Augmented::draw(sample(observation, action), &codec, &settings, rng)
                         .expect("the action is within bounds");
-                let truth = augmented.transform.pose() * observation.proprio.grip;
-                let told = augmented.moved_proprio(observation).grip;
-                let off = (told.translation - truth.translation).abs().max_element();
-                let turn = told.rotation * truth.rotation.inverse();
-                assert!(turn.xyz().truncate().length() < 1e-5, "about the vertical");
-                (farthest, most) = (farthest.max(off), most.max(2.0 * turn.z.abs().asin()));
+                let HandMotion { shift, turn } =
+                    augmented.hand_jitter(observation).expect("there is a range");
+                (farthest, most) = (farthest.max(shift.abs().max_element()), most.max(turn.abs()));
             }
             assert!((0.9..=1.001).contains(&(farthest / range.shift)), "{farthest} m");
             assert!((0.9..=1.001).contains(&(most / range.turn)), "{most} rad");

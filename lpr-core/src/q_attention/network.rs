@@ -11,7 +11,7 @@ use super::settings::{NetworkSettings, QAttentionSettings};
 use crate::perception::VOXEL_CHANNELS;
 use crate::rng::Rng;
 pub use input::NetworkInput;
-pub(super) use input::{ArmInput, DepthInput};
+pub(super) use input::{ArmInput, DepthInput, HandMotion};
 pub use unet::UNet;
 
 use fast::{FastHeadSizes, FastNetwork, FastSizes};

@@ -4,7 +4,7 @@ use super::super::batch::{Augmented, AugmentedLabel, QSample};
 use super::super::loss::{
     Choices, LossWeights, PerSample, SpreadLabels, chosen_values, depth_loss, td_target,
 };
-use super::super::network::{DepthInput, NetworkInput};
+use super::super::network::{ArmInput, DepthInput, NetworkInput};
 use super::super::next_best_pose::NextBestPose;
 use super::super::observation::QObservation;
 use super::super::position::{SURROUNDING, surrounding};
@@ -182,7 +182,14 @@ impl QAttention {
         space: VoxelSpace,
     ) -> DepthInput {
         let grid = |space| sample.moved_grid(observation, space);
-        self.seen(depth_idx, space, grid, &sample.moved_proprio(observation))
+        let (proprio, jitter) =
+            (sample.moved_proprio(observation), sample.hand_jitter(observation));
+        self.seen(
+            depth_idx,
+            space,
+            grid,
+            ArmInput::new(&self.settings, depth_idx, &proprio, jitter),
+        )
     }
 
     fn space(&self, depth_idx: usize, center: Vec3) -> VoxelSpace {

@@ -9,10 +9,10 @@
 //!
 //! About 30 times fewer operations than C2F-ARM's U-Net. The head reads the features of the quarter
 //! grid in place beside their maximum, because yaw shows in where things are around the attended
-//! voxel; it can read the cells around the attended voxel too, wherever that is, so that a thing
-//! shows its yaw alike everywhere; and the values of an Euler angle are a short Fourier series over the circle, so that one
-//! demonstrated angle also teaches its neighbours. Positions in the input are within the voxel, not
-//! in the world.
+//! voxel; it can read the cells around that voxel too, wherever it is, so that a thing shows its yaw
+//! alike everywhere; and the values of an Euler angle are a short Fourier series over the circle, so
+//! that one demonstrated angle also teaches its neighbours. Positions in the input are within the
+//! voxel, not in the world.
 
 use super::blocks::{block_of_raster, raster_of_block};
 use super::{NetworkInput, PoseValues, QValues};

@@ -7,7 +7,7 @@ use crate::q_attention::grasp::HalfTurn;
 use crate::q_attention::settings::{Places, QAttentionSettings};
 
 use burn::tensor::{Device, Tensor};
-use glamx::Pose3;
+use glamx::{Pose3, Quat, Vec3};
 
 /// Distance from the hand that a place channel of 1 stands for, metres.
 const PLACE_SCALE: f32 = 0.2;
@@ -34,6 +34,22 @@ pub(in crate::q_attention) struct DepthInput {
     pub(in crate::q_attention) arm: ArmInput,
 }
 
+/// A motion of the hand that networks are told of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::q_attention) struct HandMotion {
+    /// Metres.
+    pub(in crate::q_attention) shift: Vec3,
+    /// About the vertical, radians.
+    pub(in crate::q_attention) turn: f32,
+}
+
+impl HandMotion {
+    fn of(self, grip: Pose3) -> Pose3 {
+        let rotation = Quat::from_rotation_z(self.turn) * grip.rotation;
+        Pose3::from_parts(grip.translation + self.shift, rotation)
+    }
+}
+
 /// The arm as the network of a depth is told of it.
 #[derive(Debug, Clone)]
 pub(in crate::q_attention) struct ArmInput {
@@ -44,18 +60,21 @@ pub(in crate::q_attention) struct ArmInput {
 }
 
 impl ArmInput {
+    /// The arm as it is; with `jitter`, the hand is told from elsewhere.
     pub(in crate::q_attention) fn new(
         settings: &QAttentionSettings,
         depth_idx: usize,
         proprio: &Proprio,
+        jitter: Option<HandMotion>,
     ) -> Self {
         let half_turn = settings.half_turn;
+        let Pose3 { translation, rotation, .. } = proprio.grip;
+        // The label is of the hand as it is seen before it is told from elsewhere.
+        let seen = Pose3::from_parts(translation, half_turn.seen(rotation));
+        let told = Proprio { grip: jitter.map_or(seen, |jitter| jitter.of(seen)), ..*proprio };
         let tells = settings.places == Places::Held && depth_idx > 0 && proprio.holds();
-        let hand_from_world = tells.then(|| {
-            let Pose3 { translation, rotation, .. } = proprio.grip;
-            Pose3::from_parts(translation, half_turn.seen(rotation)).inverse()
-        });
-        Self { features: proprio_features(half_turn, proprio), hand_from_world }
+        let hand_from_world = tells.then(|| told.grip.inverse());
+        Self { features: proprio_features(half_turn, &told), hand_from_world }
     }
 }
 
@@ -132,7 +151,7 @@ fn proprio_features(half_turn: HalfTurn, proprio: &Proprio) -> Vec<f32> {
     }
     let mut features = vec![proprio.gripper_open, f32::from(u8::from(proprio.holds()))];
     features.extend_from_slice(&proprio.grip.translation.to_array());
-    features.extend(rotation_columns(half_turn.seen(proprio.grip.rotation)));
+    features.extend(rotation_columns(proprio.grip.rotation));
     features.extend_from_slice(&low_dim[LOW_DIM - 3..]);
     features
 }
@@ -171,7 +190,6 @@ mod tests {
     use crate::q_attention::half_turned;
     use crate::q_attention::settings::tests::{test_proprio, test_settings};
     use crate::rng::{Stream, stream};
-    use glamx::Vec3;
 
     #[test]
     fn places_are_told_from_a_hand_that_holds_something_whichever_way_round_it_is() {
@@ -187,7 +205,7 @@ mod tests {
             .expect("a volume");
         let grid = VoxelGrid::voxelise([], space);
         let places = |depth_idx, proprio: &Proprio| {
-            let arm = ArmInput::new(&settings, depth_idx, proprio);
+            let arm = ArmInput::new(&settings, depth_idx, proprio, None);
             let sample = DepthInput { grid: grid.clone(), wide: None, arm };
             let input = NetworkInput::new(&network, &[sample], &device);
             let place = |voxel: &[f32]| Vec3::from_slice(&voxel[INDEX..INDEX + 3]);
@@ -222,7 +240,7 @@ mod tests {
         // Outside the one, within the other.
         let point = (Vec3::new(0.6, 0.1, 0.2), [255, 0, 0]);
         let [grid, wide] = [0.15, 0.4].map(|half| VoxelGrid::voxelise([point], cube(half)));
-        let arm = ArmInput::new(&settings, 1, &test_proprio());
+        let arm = ArmInput::new(&settings, 1, &test_proprio(), None);
         let sample = DepthInput { grid, wide: Some(wide.clone()), arm };
         let input = NetworkInput::new(&network, &[sample], &device);
         assert_eq!(input.voxels.dims(), [1, 512, 2 * VOXEL_CHANNELS]);
@@ -234,6 +252,25 @@ mod tests {
             let is_seen = wide.is_occupied(wide.space.voxel_from_flat(flat));
             assert_eq!(row[VOXEL_CHANNELS..VOXEL_CHANNELS + 6].iter().any(|&v| v != 0.0), is_seen);
             assert!(row[..6].iter().all(|&v| v == 0.0), "it is not in the voxel's own cube");
+        }
+    }
+
+    #[test]
+    fn a_hand_told_from_elsewhere_is_the_same_whichever_way_round_it_is() {
+        let settings = test_settings();
+        let jitter = HandMotion { shift: Vec3::new(0.02, -0.01, 0.0), turn: 0.3 };
+        for step in 0..60 {
+            let mut hand = test_proprio();
+            hand.grip.rotation = Quat::from_rotation_z(0.1 * step as f32) * hand.grip.rotation;
+            let told = |proprio: &Proprio| ArmInput::new(&settings, 1, proprio, Some(jitter));
+            let here = told(&hand).features;
+            let mut plain = hand;
+            plain.grip.rotation = settings.half_turn.seen(hand.grip.rotation);
+            plain.grip = jitter.of(plain.grip);
+            assert_eq!(here, proprio_features(settings.half_turn, &plain));
+            hand.grip.rotation = half_turned(hand.grip.rotation);
+            let turned = told(&hand).features;
+            assert!(here.iter().zip(turned).all(|(a, b)| (a - b).abs() < 1e-5), "yaw step {step}");
         }
     }
 }
