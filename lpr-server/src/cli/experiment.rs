@@ -132,11 +132,13 @@ pub(super) fn run(action: &Action) -> Result<Report> {
         Action::Set2Oracle(options) => (experiment(options, &SET_2_ORACLE)?, &options.out),
         Action::Ablations(given) => {
             let mut options = given.clone();
-            for preset in options.preset.clone() {
-                let recipe = super::settings::load_config(&preset)?;
-                let directory = options.runs.with_extension("presets");
-                options.preset.extend(ablations::write(&recipe, &directory)?);
-            }
+            let [preset] = given.preset.as_slice() else {
+                let reason = "--preset: the choices of one preset are put back at a time";
+                return Err(Failure::Usage(reason.to_owned()));
+            };
+            let recipe = super::settings::load_config(preset)?;
+            let directory = options.runs.with_extension("presets");
+            options.preset.extend(ablations::write(&recipe, &directory)?);
             if options.tasks.is_empty() {
                 let tasks = ["open_box", "open_grill"].map(Task::by_name);
                 options.tasks = tasks.into_iter().collect::<lpr_core::Result<_>>()?;
@@ -229,6 +231,8 @@ struct Subject<'a> {
 
 fn plan(options: &Options, poses: PoseSource, subject: &Subject<'_>) -> Result<Plan> {
     let Subject { task, method, seed, preset, is_trained } = *subject;
+    // `lpr eval` makes the candidates of a method without weights as the default preset says.
+    let preset = if is_trained { preset } else { DEFAULT_PRESET };
     let mut config = super::settings::load_config(preset)?;
     config.training.demonstrations = options.demos.unwrap_or(config.training.demonstrations);
     let robot = &options.robot.robot.name;
