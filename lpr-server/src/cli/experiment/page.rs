@@ -64,7 +64,8 @@ fn rung(diagnosis: &Value, poses: &str, paths: &str) -> String {
 /// What fails in the first run of a task, in sentences.
 fn paragraph(row: &Row) -> String {
     let Row { key, diagnosis, .. } = row;
-    let mut text = format!("**`{}`**, seed {}.", key.task, key.seed);
+    let mut text =
+        format!("**{}**{}, seed {}.", comparison::task(key), comparison::variant(key), key.seed);
     for keyframe in items(&diagnosis["poses"]["scenes"]) {
         let _ = write!(
             text,

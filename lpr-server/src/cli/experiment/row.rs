@@ -30,17 +30,21 @@ pub(super) struct Key {
     pub(super) digest: String,
 }
 
-// Of rows that were written when there was one of each.
+/// What rows are of that were written when there was no choice, and what pages leave unsaid.
+pub(super) const ROBOT: &str = "xarm7";
+pub(super) const PRESET: &str = "fast";
+pub(super) const DEMONSTRATIONS: usize = 10;
+
 fn first_robot() -> String {
-    "xarm7".to_owned()
+    ROBOT.to_owned()
 }
 
 fn default_preset() -> String {
-    "fast".to_owned()
+    PRESET.to_owned()
 }
 
 const fn ten() -> usize {
-    10
+    DEMONSTRATIONS
 }
 
 impl Key {
@@ -57,7 +61,7 @@ impl Key {
             PoseSource::Learned => "",
             PoseSource::Oracle => "-oracle",
         };
-        let robot = if *robot == first_robot() { String::new() } else { format!("-{robot}") };
+        let robot = if robot == ROBOT { String::new() } else { format!("-{robot}") };
         format!("{task}-{method}{poses}{robot}-{seed}-{env_steps}-{}", &digest[..8])
     }
 }

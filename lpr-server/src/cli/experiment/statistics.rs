@@ -47,11 +47,11 @@ fn resampled(tasks: &[Outcomes], rng: &mut Rng) -> f64 {
 pub(super) fn mcnemar(only_first: u64, only_second: u64) -> f64 {
     let n = only_first + only_second;
     let mut tail = 0.0;
-    // n over k, over 2^n.
-    let mut term = 0.5_f64.powi(i32::try_from(n).unwrap_or(i32::MAX));
+    // Logarithm of n over k, over 2^n: the power itself is 0 beyond a thousand pairs.
+    let mut log_term = -core::f64::consts::LN_2 * n as f64;
     for k in 0..=only_first.min(only_second) {
-        tail += term;
-        term *= (n - k) as f64 / (k + 1) as f64;
+        tail += log_term.exp();
+        log_term += ((n - k) as f64 / (k + 1) as f64).ln();
     }
     (2.0 * tail).min(1.0)
 }
@@ -87,6 +87,7 @@ mod tests {
             assert!((mcnemar(first, second) - expected).abs() < 1e-12 * expected.max(1e-3));
             assert_eq!(mcnemar(first, second), mcnemar(second, first));
         }
+        assert_eq!(mcnemar(600, 600), 1.0, "as many pairs as a power of 0.5 cannot count");
     }
 
     #[test]

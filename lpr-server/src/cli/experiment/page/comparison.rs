@@ -1,7 +1,7 @@
 //! Methods side by side: success by task, the mean over tasks, and the paper's method against each
 //! other one in the same scenes.
 
-use crate::cli::experiment::row::{Key, Row};
+use crate::cli::experiment::row::{DEMONSTRATIONS, Key, PRESET, ROBOT, Row};
 use crate::cli::experiment::statistics::{Outcomes, holm, interval, mcnemar, mean};
 use core::fmt::Write as _;
 use core::slice;
@@ -43,7 +43,7 @@ pub(super) fn markdown(rows: &[Row]) -> Result<String, String> {
 /// The task, and what of its row is not the default.
 pub(super) fn task(key: &Key) -> String {
     let mut name = format!("`{}`", key.task);
-    if key.robot != "xarm7" {
+    if key.robot != ROBOT {
         let _ = write!(name, " ({})", key.robot);
     }
     name
@@ -57,10 +57,10 @@ fn column(key: &Key) -> String {
 /// What of a row is not the default, beside its method.
 pub(super) fn variant(key: &Key) -> String {
     let mut name = String::new();
-    if key.preset != "fast" && key.env_steps > 0 {
+    if key.preset != PRESET && key.env_steps > 0 {
         let _ = write!(name, ", {}", key.preset);
     }
-    if key.demonstrations != 10 && key.env_steps > 0 {
+    if key.demonstrations != DEMONSTRATIONS && key.env_steps > 0 {
         let _ = write!(name, ", {} demonstrations", key.demonstrations);
     }
     if key.poses == PoseSource::Oracle { name + ", true poses" } else { name }
@@ -69,7 +69,7 @@ pub(super) fn variant(key: &Key) -> String {
 /// The column of the first row of a method: of the preset itself, if it is there.
 fn column_of(rows: &[Row], method: &str) -> Option<String> {
     let of_method = rows.iter().map(|row| &row.key).filter(|key| key.method == method);
-    of_method.min_by_key(|key| key.preset != "fast").map(column)
+    of_method.min_by_key(|key| key.preset != PRESET).map(column)
 }
 
 fn successes(columns: &Columns<'_>) -> String {
