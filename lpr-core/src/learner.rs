@@ -2,8 +2,8 @@
 //! (Algorithm 1, lines 17–20).
 //!
 //! There is one buffer per question, and all share the steps that they hold: the ranker draws by
-//! its temporal differences, the policy draws uniformly among the steps of successful episodes,
-//! Q-attention draws by its own priorities.
+//! its temporal differences or uniformly ([`Sampling`]), the policy draws uniformly among the steps
+//! of successful episodes, Q-attention draws by its own priorities.
 //!
 //! # Differences from the paper
 //!
@@ -16,6 +16,7 @@ use crate::error::{Error, Result};
 use crate::networks::Networks;
 use crate::path::CandidateStreams;
 use crate::q_attention::{QAttention, QObservation, QSample};
+use crate::ranker::Sampling;
 use crate::replay::{Draw, Replay, ReplaySettings, Step, Transition};
 use crate::rng::{Rng, Stream, stream};
 
@@ -99,16 +100,23 @@ impl Learner {
     /// # Errors
     ///
     /// [`Error::Config`] when the settings cannot work.
-    pub fn new(settings: &ReplaySettings, seed: u64) -> Result<Self> {
-        let uniform = ReplaySettings { priority_exponent: 0.0, ..settings.clone() };
+    pub fn new(settings: &ReplaySettings, ranker: Sampling, seed: u64) -> Result<Self> {
         Ok(Self {
             seed,
-            paths: Replay::new(settings)?,
-            successes: Replay::new(&uniform)?,
+            paths: Replay::new(&Self::path_settings(settings, ranker))?,
+            successes: Replay::new(&settings.uniform())?,
             scenes: Replay::new(settings)?,
             updates: UpdateCounts::default(),
             last: BTreeMap::new(),
         })
+    }
+
+    /// Settings of the buffer that the ranker learns from.
+    pub(crate) fn path_settings(settings: &ReplaySettings, ranker: Sampling) -> ReplaySettings {
+        match ranker {
+            Sampling::Prioritised => settings.clone(),
+            Sampling::Uniform => settings.uniform(),
+        }
     }
 
     /// Keeps a step in which a path was taken.

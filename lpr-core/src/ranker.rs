@@ -78,6 +78,18 @@ pub enum Objective {
     Outcome,
 }
 
+/// Rows that an update draws.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Sampling {
+    /// Those of large errors more often, as in the paper.
+    #[default]
+    Prioritised,
+    /// All alike. What came of a path is partly chance: rows that chance decided keep a large error,
+    /// and priorities draw them again and again.
+    Uniform,
+}
+
 /// Number of value networks that are trained.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -129,6 +141,9 @@ pub struct RankerSettings {
     /// Meaning of the values.
     #[serde(default)]
     pub objective: Objective,
+    /// Rows that it learns from.
+    #[serde(default)]
+    pub sampling: Sampling,
     /// Number of value networks.
     pub critics: Critics,
     /// Weights that rank: the paper's are those that gradients change.

@@ -101,7 +101,7 @@ impl<E: Environment> Trainer<E> {
             Networks::new(config.network_settings(), robot, run.method, run.poses, init)?;
         let agent = Agent::new(config.agent_settings(), robot, run.method, networks);
         // Line 3: the buffer.
-        let learner = Learner::new(&config.replay, run.seed)?;
+        let learner = Learner::new(&config.replay, config.ranker.sampling, run.seed)?;
         Ok(Self {
             config,
             run,

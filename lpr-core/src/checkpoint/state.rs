@@ -171,10 +171,10 @@ impl State {
             .map(|step| step.restore(alternatives.next().unwrap_or_default()).map(Arc::new))
             .collect::<Result<_>>()?;
         let settings = &trainer.config.replay;
-        let uniform = ReplaySettings { priority_exponent: 0.0, ..settings.clone() };
+        let of_ranker = Learner::path_settings(settings, trainer.config.ranker.sampling);
         let learner = &mut trainer.learner;
-        learner.paths = self.paths.restore(&steps, settings)?;
-        learner.successes = self.successes.restore(&steps, &uniform)?;
+        learner.paths = self.paths.restore(&steps, &of_ranker)?;
+        learner.successes = self.successes.restore(&steps, &settings.uniform())?;
         learner.scenes = self.scenes.restore(&steps, settings)?;
         // An update takes for granted that poses lie within the bounds: what breaks that is refused
         // here.

@@ -9,6 +9,7 @@ use rand::RngExt as _;
 fn settings() -> RankerSettings {
     RankerSettings {
         objective: Objective::TemporalDifference,
+        sampling: Sampling::Prioritised,
         acting_weights: ActingNetwork::Online,
         input: RankerInput::Context,
         config_widths: vec![32, 64],

@@ -25,6 +25,12 @@ pub struct ReplaySettings {
 }
 
 impl ReplaySettings {
+    /// The same buffer without priorities.
+    #[must_use]
+    pub fn uniform(&self) -> Self {
+        Self { priority_exponent: 0.0, ..self.clone() }
+    }
+
     /// Checks the ranges of all numbers.
     ///
     /// # Errors

@@ -9,7 +9,7 @@ use crate::path::{JointPath, Refinement};
 use crate::perception::Observation;
 use crate::policy::PolicySpace;
 use crate::q_attention::{ActingNetwork, NextBestPose};
-use crate::ranker::{Critics, Objective, RankerInput};
+use crate::ranker::{Critics, Objective, RankerInput, Sampling};
 use crate::robot::{Gripper, PANDA, Robot};
 use crate::toy::Toy;
 use std::sync::Arc;
@@ -173,6 +173,23 @@ fn a_run_cut_among_its_updates_on_alternatives_goes_on_bit_by_bit() {
     let rows = Trainer::resume(&resumed.checkpoint().unwrap(), Toy::new(&PANDA).unwrap()).unwrap();
     let rows = rows.learner.paths.rows();
     assert!(!rows.is_empty() && rows.iter().all(|row| row.alternative(0, 1.0).is_none()));
+}
+
+#[test]
+fn the_ranker_draws_rows_of_all_errors_alike_where_it_samples_uniformly() {
+    let weights = |sampling| {
+        let mut config = config();
+        config.ranker.sampling = sampling;
+        let mut trainer = trainer(config, Method::Lpr, 3);
+        train(&mut trainer, 10);
+        let checkpoint = trainer.checkpoint().unwrap();
+        let resumed = Trainer::resume(&checkpoint, Toy::new(&PANDA).unwrap()).unwrap();
+        let rng = &mut stream(0, Stream::Replay, 0);
+        let draws = resumed.learner.paths.sample(100, rng);
+        draws.into_iter().map(|draw| draw.weight).collect::<Vec<_>>()
+    };
+    assert!(weights(Sampling::Uniform).iter().all(|weight| *weight == 1.0));
+    assert!(weights(Sampling::Prioritised).iter().any(|weight| *weight < 0.9));
 }
 
 #[test]

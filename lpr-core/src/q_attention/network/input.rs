@@ -170,10 +170,10 @@ pub(super) const fn n_proprio(half_turn: HalfTurn) -> usize {
 /// A lesson from one place then holds at every other, and a millimetre is not lost beside a
 /// metre.
 fn centered(grid: &VoxelGrid, flat: usize) -> [f32; VOXEL_CHANNELS] {
-    let half_voxel = 0.5 * grid.space.voxel_size();
     let mut channels = grid.voxel(flat);
     let voxel = grid.space.voxel_from_flat(flat);
     if grid.is_occupied(voxel) {
+        let half_voxel = 0.5 * grid.space.voxel_size();
         let center = grid.space.point_from_voxel(voxel);
         for axis in 0..3 {
             channels[axis] = (channels[axis] - center[axis]) / half_voxel[axis];

@@ -1,4 +1,5 @@
-//! The choices of the recipe, each put back to what the preset had before it.
+//! The choices of the recipe, each put back to what the preset had before it, or to the other way
+//! that was tried.
 
 use crate::cli::failure::Result;
 use crate::files::{self, FileError};
@@ -7,17 +8,18 @@ use lpr_core::config::Config;
 use lpr_core::demo::{Alternatives, PathStarts};
 use lpr_core::policy::PolicySpace;
 use lpr_core::q_attention::{ActingNetwork, HalfTurn, NetworkSettings, Places, Position};
-use lpr_core::ranker::{Critics, Objective, RankerInput};
+use lpr_core::ranker::{Critics, Objective, RankerInput, Sampling};
 use std::fs;
 use std::path::Path;
 
 /// A choice by its name, and how it is put back.
 type Choice = (&'static str, fn(&mut Config));
 
-const CHOICES: [Choice; 15] = [
+const CHOICES: [Choice; 16] = [
     ("policy-in-joint-space", |config| config.policy.space = PolicySpace::Joints),
     ("ranker-sees-grips", |config| config.ranker.input = RankerInput::Grip),
-    ("temporal-difference", |config| config.ranker.objective = Objective::TemporalDifference),
+    ("outcome", |config| config.ranker.objective = Objective::Outcome),
+    ("prioritised-ranker", |config| config.ranker.sampling = Sampling::Prioritised),
     ("one-critic", |config| {
         config.ranker.critics = Critics::Single;
         config.training.exploration = epsilon(config.training.exploration);
