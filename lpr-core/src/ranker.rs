@@ -21,6 +21,7 @@
 //! - A running mean of the weights may rank ([`RankerSettings::acting_weights`]).
 //! - Joint angles are scaled so that the limits are ±1; the paper does not say how they enter.
 //! - The paper calls the network "the path policy" where it describes it; it is the ranker's.
+//! - It may learn from all rows alike ([`Sampling::Uniform`]): the paper draws them by priorities.
 //! - [`Objective::Outcome`] reads values as probabilities and fits them to what came of the episode:
 //!   nothing bootstraps, and no value leaves 0 to 1.
 //! - Optimiser, discount and target mix are not in the paper; presets take the released code's. Its
